@@ -1,0 +1,72 @@
+"""Formulas and their parameters: flow stress, friction, equipment. No mesh, no MPI; units of `units.py`."""
+
+from .described import Described, one_of
+from .equipment import Drive, DriveLaw, RotationDrive, SpeedDrive, Spin, TableDrive
+from .flow_stress import (
+    RATE_FLOOR,
+    SHEAR,
+    STRAIN_FLOOR,
+    Constant,
+    FlowStress,
+    HenselSpittel,
+    Hollomon,
+    JohnsonCook,
+    Linear,
+    Ludwik,
+    NortonHoff,
+    Power,
+    Swift,
+    Voce,
+)
+from .flow_stress_table import Table
+from .friction import Coulomb, Friction, FrictionLaw, Levanov, NoFriction, Siebel, Sticking
+
+FlowStressLaw = one_of(
+    "law",
+    Constant,
+    Linear,
+    Ludwik,
+    Hollomon,
+    Swift,
+    Voce,
+    NortonHoff,
+    Power,
+    JohnsonCook,
+    HenselSpittel,
+    Table,
+    base=FlowStress,
+)
+"""Annotation of a field that holds any flow-stress law, also one that a user derived from `FlowStress`."""
+
+__all__ = [
+    "RATE_FLOOR",
+    "SHEAR",
+    "STRAIN_FLOOR",
+    "Constant",
+    "Coulomb",
+    "Described",
+    "Drive",
+    "DriveLaw",
+    "FlowStress",
+    "FlowStressLaw",
+    "Friction",
+    "FrictionLaw",
+    "HenselSpittel",
+    "Hollomon",
+    "JohnsonCook",
+    "Levanov",
+    "Linear",
+    "Ludwik",
+    "NoFriction",
+    "NortonHoff",
+    "Power",
+    "RotationDrive",
+    "Siebel",
+    "SpeedDrive",
+    "Spin",
+    "Sticking",
+    "Swift",
+    "Table",
+    "TableDrive",
+    "Voce",
+]

@@ -1,0 +1,311 @@
+"""Drives: how a tool moves by itself. Plain numbers in mm, s and rad; nothing here knows a mesh.
+
+Every drive answers `velocity(t)`, `displacement(t)`, `angular_velocity(t)`, `angle(t)`, `travel(t)` and
+`time_of_travel(s, t0)`. The scene starts at t = 0 with displacement 0. A tool without a drive is at rest.
+"""
+
+import math
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ..units import AngularSpeed, Length, List, Number, Speed, Time, Vector, kind_of
+from .columns import read_columns
+from .described import Described, at_key, one_of
+
+_UP = (0.0, 0.0, 1.0)
+
+
+class Spin(Described):
+    """A steady rotation about a centre (and an axis in 3d).
+
+    Parameters
+    ----------
+    speed : rad/s, positive counter-clockwise (about `axis`). centre : mm, at t = 0; it moves with the drive.
+    axis : a direction, in 3d only; any length.
+    """
+
+    speed: AngularSpeed
+    centre: Vector(Length)
+    axis: Vector(Number, 3) | None = None
+
+    @model_validator(mode="after")
+    def _axis_fits(self):
+        _check_axis(self.centre, self.axis)
+        return self
+
+
+class Drive(Described):
+    """Base of the drives: at rest, unless a subclass says otherwise."""
+
+    rotation: Spin | None = None
+
+    @property
+    def dimension(self):
+        """2 or 3, from the vectors of the drive."""
+        raise NotImplementedError(f"{type(self).__name__} has no dimension")
+
+    def velocity(self, time):
+        """Velocity of the tool (of its centre of rotation, if it rotates) at a time, mm/s, shape (dimension,)."""
+        return np.zeros(self.dimension)
+
+    def displacement(self, time):
+        """Displacement since t = 0 (without the rotation), mm, shape (dimension,)."""
+        return np.zeros(self.dimension)
+
+    def travel(self, time):
+        """The stroke: length of the path since t = 0, mm."""
+        return 0.0
+
+    def time_of_travel(self, travel, start=0.0):
+        """Earliest time, not before `start`, at which the stroke reaches `travel`, s; inf if it never does."""
+        return start if travel <= self.travel(start) else math.inf
+
+    def angular_velocity(self, time):
+        """rad/s about `axis` (z in 2-D), positive counter-clockwise."""
+        return self.rotation.speed if self.rotation else 0.0
+
+    def angle(self, time):
+        """Angle turned since t = 0, rad."""
+        return self.angular_velocity(0.0) * time
+
+    @property
+    def rotation_centre(self):
+        """Centre of rotation at t = 0, mm, shape (dimension,); None without rotation."""
+        return np.array(self.rotation.centre) if self.rotation else None
+
+    @property
+    def rotation_axis(self):
+        """Unit vector of the axis of rotation, shape (3,); None without rotation."""
+        return _unit(self.rotation.axis or _UP) if self.rotation else None
+
+    @property
+    def direction(self):
+        """Unit vector of the translation (its first, if it turns back), shape (dimension,); None if there is none."""
+        return None
+
+    @property
+    def moves(self):
+        """Whether the tool ever moves."""
+        return self.direction is not None or self.angular_velocity(0.0) != 0
+
+
+class SpeedDrive(Drive):
+    """Constant velocity: displacement = velocity * t.
+
+    Parameters
+    ----------
+    velocity : mm/s, two or three components. rotation : optional `Spin`, or a table of its keys.
+    """
+
+    kind: Literal["speed"] = "speed"
+    given_velocity: Vector(Speed) = Field(alias="velocity")
+
+    @model_validator(mode="after")
+    def _vectors_fit(self):
+        _check_spin(self.rotation, len(self.given_velocity))
+        return self
+
+    @property
+    def dimension(self):
+        return len(self.given_velocity)
+
+    @property
+    def direction(self):
+        return _unit(self.given_velocity) if any(self.given_velocity) else None
+
+    def velocity(self, time):
+        return np.array(self.given_velocity)
+
+    def displacement(self, time):
+        return np.array(self.given_velocity) * time
+
+    def travel(self, time):
+        return math.hypot(*self.given_velocity) * time
+
+    def time_of_travel(self, travel, start=0.0):
+        speed = math.hypot(*self.given_velocity)
+        if travel <= speed * start:
+            return start
+        return travel / speed if speed > 0 else math.inf
+
+
+class TableDrive(Drive):
+    """Displacement or speed along a direction from a table, linear between its times; at rest before and after it.
+
+    Give `times` with `displacement` or `speed`, or `file`, a CSV file with the columns time and displacement or speed
+    (a unit may follow: "time [s]"). Where the velocity jumps, the value is that of the later interval.
+
+    Parameters
+    ----------
+    direction : a direction of any length. times : s, rising from 0. displacement : mm, from 0. speed : mm/s.
+    rotation : optional `Spin`, or a table of its keys.
+    """
+
+    kind: Literal["table"] = "table"
+    given_direction: Vector(Number) = Field(alias="direction")
+    file: str | None = None
+    times: List(Time, at_least=2) | None = None
+    given_displacement: List(Length, at_least=2) | None = Field(None, alias="displacement")
+    given_speed: List(Speed, at_least=2) | None = Field(None, alias="speed")
+
+    @model_validator(mode="after")
+    def _is_a_table(self):
+        _check_spin(self.rotation, len(self.given_direction))
+        if not any(self.given_direction):
+            raise at_key("direction", "has the length zero; expected a direction such as [0, -1]", self.given_direction)
+        self._pieces  # noqa: B018  (reads and checks the table now, before any mesh)
+        return self
+
+    def _columns(self):
+        lists = {"time": self.times, "displacement": self.given_displacement, "speed": self.given_speed}
+        given = {name: np.array(values) for name, values in lists.items() if values is not None}
+        if self.file is not None:
+            if given:
+                raise at_key("file", "is given together with lists; give a file or lists, not both", self.file)
+            kinds = {"time": kind_of(Time), "displacement": kind_of(Length), "speed": kind_of(Speed)}
+            return read_columns(self.file, kinds), dict.fromkeys(lists, "file")
+        return given, {"time": "times", "displacement": "displacement", "speed": "speed"}
+
+    @cached_property
+    def _pieces(self):
+        """Times, displacements and speeds at the start of each interval, its acceleration, the stroke so far."""
+        columns, keys = self._columns()
+        if "time" not in columns:
+            raise at_key(keys["time"], "is missing; expected the list of times, from 0 on", allowed="times")
+        if ("displacement" in columns) == ("speed" in columns):
+            both = "both given; give one" if "speed" in columns else "both missing; give one"
+            raise at_key(keys["displacement"], f"'displacement' and 'speed' are {both}")
+        times = columns["time"]
+        name = "displacement" if "displacement" in columns else "speed"
+        values = columns[name]
+        if len(values) != len(times) or len(times) < 2:
+            raise at_key(keys[name], f"has {len(values)} values for {len(times)} times; at least two, one per time")
+        if times[0] != 0 or np.any(np.diff(times) <= 0):
+            raise at_key(keys["time"], "are not rising from 0", times.tolist(), "rising times, the first 0")
+        if name == "displacement" and values[0] != 0:
+            raise at_key(keys[name], f"starts at {values[0]:g}, not at 0: the tool is drawn where it starts")
+        return _pieces_of_displacement(times, values) if name == "displacement" else _pieces_of_speed(times, values)
+
+    @property
+    def dimension(self):
+        return len(self.given_direction)
+
+    @property
+    def direction(self):
+        _, _, speed, acceleration, _ = self._pieces
+        first = np.flatnonzero((speed[:-1] != 0) | (acceleration != 0))
+        if not len(first):
+            return None
+        sign = np.sign(speed[first[0]] or acceleration[first[0]])
+        return sign * _unit(self.given_direction)
+
+    def velocity(self, time):
+        times, _, speed, acceleration, _ = self._pieces
+        if not times[0] <= time < times[-1]:
+            return np.zeros(self.dimension)
+        i = self._interval(time)
+        return (speed[i] + acceleration[i] * (time - times[i])) * _unit(self.given_direction)
+
+    def displacement(self, time):
+        times, shift, speed, acceleration, _ = self._pieces
+        i, late = self._interval(time), min(max(time, times[0]), times[-1])
+        late -= times[i]
+        return (shift[i] + (speed[i] + acceleration[i] * late / 2) * late) * _unit(self.given_direction)
+
+    def travel(self, time):
+        times, _, speed, acceleration, stroke = self._pieces
+        i, late = self._interval(time), min(max(time, times[0]), times[-1])
+        late -= times[i]
+        return float(stroke[i] + abs((speed[i] + acceleration[i] * late / 2) * late))
+
+    def time_of_travel(self, travel, start=0.0):
+        times, _, speed, acceleration, stroke = self._pieces
+        if travel <= self.travel(start):
+            return start
+        if travel > stroke[-1]:
+            return math.inf
+        i = int(np.searchsorted(stroke, travel, side="left")) - 1
+        sign = 1.0 if speed[i] > 0 or (speed[i] == 0 and acceleration[i] > 0) else -1.0
+        first, growth, rest = sign * speed[i], sign * acceleration[i], travel - stroke[i]
+        # the root that does not cancel: first * t + growth * t^2 / 2 = rest
+        return float(times[i] + 2 * rest / (first + math.sqrt(max(first**2 + 2 * growth * rest, 0.0))))
+
+    def _interval(self, time):
+        times = self._pieces[0]
+        return int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+
+
+class RotationDrive(Drive):
+    """Rotation about a fixed centre (and an axis in 3d): a roll.
+
+    Parameters
+    ----------
+    speed : rad/s, or "40 rpm"; positive counter-clockwise (about `axis`). centre : mm. axis : a direction, in 3d only.
+    """
+
+    kind: Literal["rotation"] = "rotation"
+    rotation: None = Field(None, exclude=True)
+    speed: AngularSpeed
+    centre: Vector(Length)
+    axis: Vector(Number, 3) | None = None
+
+    @model_validator(mode="after")
+    def _axis_fits(self):
+        _check_axis(self.centre, self.axis)
+        return self
+
+    @property
+    def dimension(self):
+        return len(self.centre)
+
+    @property
+    def rotation_centre(self):
+        return np.array(self.centre)
+
+    @property
+    def rotation_axis(self):
+        return _unit(self.axis or _UP)
+
+    def angular_velocity(self, time):
+        return self.speed
+
+
+DriveLaw = one_of("kind", SpeedDrive, TableDrive, RotationDrive, base=Drive)
+
+
+def _unit(vector):
+    return np.array(vector, dtype=float) / math.hypot(*vector)
+
+
+def _check_axis(centre, axis):
+    if len(centre) == 3 and (axis is None or not any(axis)):
+        raise at_key("axis", "is missing or has the length zero; expected a direction such as [0, 0, 1]", axis)
+    if len(centre) == 2 and axis is not None:
+        raise at_key("axis", "has no meaning in two dimensions, where the axis is the normal of the plane", axis)
+
+
+def _check_spin(spin, dimension):
+    if spin is not None and len(spin.centre) != dimension:
+        raise at_key("rotation.centre", f"has {len(spin.centre)} components, the drive has {dimension}", spin.centre)
+
+
+def _pieces_of_displacement(times, shift):
+    speed = np.diff(shift) / np.diff(times)
+    stroke = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shift)))])
+    return times, shift, np.append(speed, 0.0), np.zeros(len(speed)), stroke
+
+
+def _pieces_of_speed(times, speed):
+    # a node where the speed changes sign, so that the stroke grows monotonically within every interval
+    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0)
+    share = speed[turns] / (speed[turns] - speed[turns + 1])
+    times = np.insert(times, turns + 1, times[turns] + share * np.diff(times)[turns])
+    speed = np.insert(speed, turns + 1, 0.0)
+    step = np.diff(times)
+    increments = (speed[1:] + speed[:-1]) / 2 * step
+    shift = np.concatenate([[0.0], np.cumsum(increments)])
+    stroke = np.concatenate([[0.0], np.cumsum(np.abs(increments))])
+    return times, shift, speed, np.diff(speed) / step, stroke

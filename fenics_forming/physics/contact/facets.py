@@ -1,0 +1,131 @@
+"""The contact facets of a body: points, weights and traces at the integration points, and the facet integrals.
+
+The traction and its tangent live in quadrature functions on the submesh of the contact facets and enter an ordinary
+UFL facet integral over the body; so the contact law may be any vectorised function of the points.
+"""
+
+from __future__ import annotations
+
+import basix
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem, mesh as dmesh
+from mpi4py import MPI
+
+from ..kinematics import Kinematics
+from ..nodes import Nodes
+
+DEGREE = {2: 6, 3: 4}   # 4 points per side, 6 per triangle: more than the bulk needs, see notes on the patch test
+TAG = 1
+
+
+class ContactFacets:
+    """Integration points on the facets of a body that a tool may touch.
+
+    Parameters
+    ----------
+    nodes : the nodes of the body
+    kinematics : geometry kind (weights: 2 pi r in axisymmetry)
+    facets : (n,) owned exterior facets of the mesh
+    """
+
+    def __init__(self, nodes: Nodes, kinematics: Kinematics, facets: np.ndarray):
+        mesh, dim = nodes.mesh, nodes.dim
+        self._nodes, self._kinematics, self.dim = nodes, kinematics, dim
+        self._sub, parent, _, node_map = dmesh.create_submesh(mesh, dim - 1, np.sort(facets).astype(np.int32))
+        facet_map = mesh.topology.index_map(dim - 1)
+        inverse = np.full(facet_map.size_local + facet_map.num_ghosts, -1, dtype=np.int32)
+        inverse[parent] = np.arange(len(parent))
+        self.entity_maps = {self._sub: inverse}
+        self._node_map = node_map
+        count = self._sub.topology.index_map(dim - 1).size_local
+        self.facet_nodes = np.asarray(node_map)[self._sub.geometry.dofmap[:count]].astype(np.int32)
+
+        cell = self._sub.basix_cell()
+        degree = DEGREE[dim]
+        space = lambda shape: fem.functionspace(  # noqa: E731
+            self._sub, basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=degree))
+        self.traction_function = fem.Function(space((dim,)), name="contact_traction")
+        self.tangent_function = fem.Function(space((dim, dim)), name="contact_tangent")
+        points, self._reference_weights = basix.make_quadrature(cell, degree)
+        element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
+        table = element.tabulate(1, points)[:, :, :, 0]
+        self._shape, self._gradient = table[0], table[1:]
+        self.points_per_facet = len(points)
+        self.count = count * self.points_per_facet
+        self.measure = ufl.Measure("ds", domain=mesh, subdomain_data=_tags(mesh, dim - 1, parent[:count]))(TAG)
+
+    # ------------------------------------------------------------------ terms
+    def virtual_power(self, w, weight):
+        r"""Power of the contact traction, :math:`-\int t\cdot w\,d\Gamma`, mW (mJ/s)."""
+        return -ufl.inner(self.traction_function, w) * weight * self.measure
+
+    def tangent(self, dv, w, weight):
+        r"""Its derivative, :math:`\int w\cdot T\,dv\,d\Gamma` with :math:`T=-\partial t/\partial v`."""
+        return ufl.inner(ufl.dot(self.tangent_function, dv), w) * weight * self.measure
+
+    def set_traction(self, traction: np.ndarray, tangent: np.ndarray) -> None:
+        """Write traction (points, dim) and tangent (points, dim, dim) into the facet integrals."""
+        self.traction_function.x.array[: traction.size] = traction.ravel()
+        self.tangent_function.x.array[: tangent.size] = tangent.ravel()
+
+    # ------------------------------------------------------------------ geometry and traces
+    def follow(self) -> None:
+        """Take over the positions of the body: the submesh has a geometry of its own."""
+        self._sub.geometry.x[:] = self._nodes.mesh.geometry.x[self._node_map]
+
+    def trace(self, nodal: np.ndarray) -> np.ndarray:
+        """Values at the integration points of a nodal field (nodes[, k]) → (points[, k])."""
+        values = nodal[self.facet_nodes]
+        return np.tensordot(values, self._shape, axes=(1, 1)).swapaxes(1, -1).reshape((self.count,) + nodal.shape[1:]) \
+            if nodal.ndim > 1 else (values @ self._shape.T).ravel()
+
+    def weights(self) -> np.ndarray:
+        """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""
+        x = self._nodes.x[self.facet_nodes]
+        tangents = np.einsum("kqa,fad->kfqd", self._gradient, x)
+        if self.dim == 2:
+            jacobian = np.linalg.norm(tangents[0], axis=-1)
+        else:
+            jacobian = np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1)
+        surface = (jacobian * self._reference_weights).ravel()
+        return surface * self._kinematics.weight_at(self.trace(self._nodes.x))
+
+    def to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Hat-weighted mean at the vertices of values at the points, (points,) → (nodes,); 0 off the contact."""
+        corners = self.facet_nodes[:, : self.dim]
+        hats = self._hats()
+        w = weights.reshape(-1, self.points_per_facet)
+        share = np.einsum("fq,qa->fa", w, hats).ravel()
+        load = np.einsum("fq,qa->fa", w * values.reshape(w.shape), hats).ravel()
+        count = self._nodes.count
+        sums = np.stack([np.bincount(corners.ravel(), load, count), np.bincount(corners.ravel(), share, count)], axis=1)
+        sums = self._nodes.sum_over_ranks(sums)
+        return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(count), where=sums[:, 1] > 0)
+
+    def smooth(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Values at the points replaced by the interpolation of their nodal means."""
+        nodal = self.to_nodes(values, weights)
+        return (nodal[self.facet_nodes[:, : self.dim]] @ self._hats().T).ravel()
+
+    def linear_part(self, values: np.ndarray) -> np.ndarray:
+        """Least-squares linear part, facet by facet, of values at the points: what a quadratic velocity can balance."""
+        hats = self._hats()
+        w = self._reference_weights
+        projection = hats @ np.linalg.solve(hats.T @ (w[:, None] * hats), hats.T * w)
+        return (values.reshape(-1, self.points_per_facet) @ projection.T).ravel()
+
+    def integral(self, values: np.ndarray) -> np.ndarray:
+        """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""
+        local = values.sum(axis=0)
+        return self._nodes.comm.allreduce(local, MPI.SUM) if self._nodes.comm.size > 1 else local
+
+    def _hats(self) -> np.ndarray:
+        cell = self._sub.basix_cell()
+        points, _ = basix.make_quadrature(cell, DEGREE[self.dim])
+        return basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
+
+
+def _tags(mesh, dim: int, facets: np.ndarray):
+    return dmesh.meshtags(mesh, dim, facets, np.full(len(facets), TAG, dtype=np.int32))

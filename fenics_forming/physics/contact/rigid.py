@@ -1,0 +1,220 @@
+"""Contact of one body with known tools: rigid surfaces at rest, moving or rotating."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import point_law as law
+from .facets import ContactFacets
+
+
+@dataclass
+class ToolMotion:
+    """Where a rigid tool is and how it moves: x = centre + displacement + R(angle) (X - centre).
+
+    displacement, velocity (dim,) mm, mm/s; angle rad and angular_velocity rad/s about ``axis`` (z in 2-D) through the
+    centre, which moves along.
+    """
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    angle: float = 0.0
+    angular_velocity: float = 0.0
+    centre: np.ndarray | None = None
+    axis: np.ndarray | None = None
+
+    def rotation(self) -> np.ndarray:
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        if len(self.displacement) == 2:
+            return np.array([[c, -s], [s, c]])
+        a = self.axis / np.linalg.norm(self.axis)
+        cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+        return np.eye(3) + s * cross + (1 - c) * cross @ cross
+
+    def to_tool(self, points: np.ndarray) -> np.ndarray:
+        """Points in space → points in the frame in which the tool's surface was described."""
+        if self.centre is None or self.angle == 0.0:
+            return points - self.displacement
+        return (points - self.displacement - self.centre) @ self.rotation() + self.centre
+
+    def turn(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors of the tool's frame → space."""
+        return vectors if self.centre is None or self.angle == 0.0 else vectors @ self.rotation().T
+
+    def velocity_at(self, points: np.ndarray) -> np.ndarray:
+        """Velocity of the tool's material at points in space, (n, dim), mm/s."""
+        v = np.broadcast_to(self.velocity, points.shape)
+        if self.centre is None or self.angular_velocity == 0.0:
+            return v
+        arm = points - (self.centre + self.displacement)
+        if points.shape[1] == 2:
+            return v + self.angular_velocity * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return v + self.angular_velocity * np.cross(self.axis / np.linalg.norm(self.axis), arm)
+
+    def torque(self, points: np.ndarray, forces: np.ndarray) -> float:
+        """Moment about the axis of rotation of forces (n, dim) at points, N mm."""
+        arm = points - (self.centre + self.displacement)
+        if points.shape[1] == 2:
+            return float(np.sum(arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]))
+        return float(np.sum(np.cross(arm, forces) @ (self.axis / np.linalg.norm(self.axis))))
+
+
+@dataclass
+class KnownTool:
+    """A tool whose surface and motion are known.
+
+    surface : closest point and normal, in the tool's own frame (``surfaces.py``)
+    friction : a law of ``laws.friction`` or None
+    motion : where it is now; the controller replaces it
+    """
+
+    name: str
+    surface: object
+    friction: object | None = None
+    motion: ToolMotion | None = None
+    state: law.PointState | None = field(default=None, repr=False)
+
+    @property
+    def has_friction(self) -> bool:
+        return self.friction is not None and self.friction.law != "none"
+
+    @property
+    def sticks(self) -> bool:
+        return self.has_friction and self.friction.law == "sticking"
+
+    def gap(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed gap and normal out of the tool at points in space."""
+        gap, normal = self.surface.closest(self.motion.to_tool(points))
+        return gap, self.motion.turn(normal)
+
+
+class RigidContact:
+    """Penalty contact of a body with several known tools, as one traction field over the contact facets.
+
+    The penalty coefficient C, N/mm³·s, belongs to each facet; :meth:`set_penalty` takes it from the diagonal of the
+    first, linear viscous stiffness on that facet, so it is right on graded meshes too.
+    """
+
+    def __init__(self, facets: ContactFacets, tools: list[KnownTool], *, slip_regularisation: float = 1e-3,
+                 augmented: bool = False):
+        self.facets, self.tools = facets, tools
+        self.slip_regularisation, self.augmented = slip_regularisation, augmented
+        self.coefficient: np.ndarray | None = None
+        self.dt = 1.0
+        self.slip0 = slip_regularisation
+        self.flow_stress = None
+        self.rebuild()
+
+    def rebuild(self) -> None:
+        """Forget everything that belongs to earlier solves."""
+        for tool in self.tools:
+            tool.state = law.PointState.at_rest(self.facets.count, self.facets.dim)
+
+    def rebuild_stress(self) -> None:
+        """Forget the friction stresses and multipliers: the next solve starts from nothing."""
+        for tool in self.tools:
+            tool.state.friction_stress[:] = 0.0
+            tool.state.slip[:] = 0.0
+            tool.state.multiplier[:] = 0.0
+
+    def silence(self) -> None:
+        """No traction: for the stiffness of the body alone."""
+        dim = self.facets.dim
+        self.facets.set_traction(np.zeros((self.facets.count, dim)), np.zeros((self.facets.count, dim, dim)))
+
+    @property
+    def needs_flow_stress(self) -> bool:
+        return any(t.has_friction for t in self.tools)
+
+    def set_penalty(self, stiffness: np.ndarray, area: np.ndarray, factor: float) -> None:
+        """C per facet: ``factor`` times the sum of the stiffness diagonals over the sum of the nodal areas."""
+        nodes = self.facets.facet_nodes
+        per_facet = factor * stiffness[nodes].sum(axis=1) / area[nodes].sum(axis=1)
+        self.coefficient = np.repeat(per_facet, self.facets.points_per_facet)
+
+    def search(self, positions: np.ndarray, dt: float, speed: float) -> None:
+        """Closest points for the body and tools where they are now; ``dt`` s, ``speed`` of the tools mm/s."""
+        self.facets.follow()
+        self.dt, self.slip0 = dt, self.slip_regularisation * speed
+        self.points = self.facets.trace(positions)
+        self.weights = self.facets.weights()
+        for tool in self.tools:
+            tool.state.gap, tool.state.normal = tool.gap(self.points)
+            tool.state.tool_velocity = tool.motion.velocity_at(self.points)
+
+    def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
+                slip0: float | None = None, relaxation: float = 1.0) -> None:
+        """Contact tractions and tangents for nodal velocities (nodes, dim), written into the facet integrals.
+
+        flow_stress : (nodes,) for friction that is limited by it; touching : gap below which every point is closed,
+        for the first guess; slip0 : another slip regularisation, for the first guess and for continuation.
+        """
+        v = self.facets.trace(velocity)
+        slip0 = self.slip0 if slip0 is None else slip0
+        sigma = self.facets.trace(flow_stress) if flow_stress is not None else None
+        traction = np.zeros((self.facets.count, self.facets.dim))
+        tangent = np.zeros((self.facets.count, self.facets.dim, self.facets.dim))
+        for tool in self.tools:
+            state = tool.state
+            closed = None if touching is None else state.gap <= touching
+            law.normal_pressure(state, v, self.coefficient, self.dt, closed)
+            t, k = law.normal_response(state, self.coefficient)
+            if tool.has_friction:
+                slip = law.slip_velocity(state, v)
+                state.grip += relaxation * (state.active - state.grip)
+                limit = self._limit(tool, sigma)
+                law.update_friction_stress(state, slip, limit, slip0)
+                ft, fk = law.friction_response(state, limit, slip0)
+                t, k = t + ft, k + fk
+            tool.traction = t
+            traction += t
+            tangent += k
+        self.facets.set_traction(traction, tangent)
+
+    def _limit(self, tool: KnownTool, flow_stress: np.ndarray) -> np.ndarray:
+        pressure = tool.state.pressure
+        if tool.friction.depends_on_pressure:
+            # the pressure at the points of a penalty contact oscillates; its nodal mean does not
+            pressure = np.maximum(self.facets.smooth(pressure, self.weights), 0.0)
+        return tool.friction.limit(pressure, flow_stress)
+
+    def augment(self) -> None:
+        """Augmented-Lagrange update: the traction found so far becomes the multiplier (zero where contact is open)."""
+        for tool in self.tools:
+            state = tool.state
+            pressure = np.where(state.active, np.maximum(self.facets.linear_part(state.pressure), 0.0), 0.0)
+            state.multiplier = pressure[:, None] * state.normal
+
+    # ------------------------------------------------------------------ what the tools feel
+    def force(self, tool: KnownTool) -> np.ndarray:
+        """Force of the tool on the body, (dim,), N (N/mm in plane strain; of the full 360° in axisymmetry)."""
+        return self.facets.integral(tool.traction * self.weights[:, None])
+
+    def forces(self) -> np.ndarray:
+        return np.array([self.force(t) for t in self.tools])
+
+    def torque(self, tool: KnownTool) -> float:
+        """Moment of the contact tractions on the body about the tool's axis of rotation, N mm."""
+        local = tool.motion.torque(self.points, tool.traction * self.weights[:, None])
+        return float(self.facets.integral(np.array([local])))
+
+    def powers(self, velocity: np.ndarray) -> dict[str, float]:
+        """Power, mW: given by the tools, lost in friction, taken by the penalty (slip of the sticking one too)."""
+        v = self.facets.trace(velocity)
+        given = friction = penalty = 0.0
+        for tool in self.tools:
+            state, t, w = tool.state, tool.traction, self.weights
+            given += np.einsum("pi,pi,p->", t, state.tool_velocity, w)
+            relative = v - state.tool_velocity
+            normal = np.einsum("pi,pi->p", relative, state.normal)
+            lost = -np.einsum("pi,pi,p->", t, relative, w)
+            in_normal = -np.einsum("p,p,p->", state.pressure, normal, w)
+            if tool.sticks:
+                penalty += lost
+            else:
+                penalty += in_normal
+                friction += lost - in_normal
+        total = self.facets.integral(np.array([[given, friction, penalty]]))
+        return {"tools": float(total[0]), "friction": float(total[1]), "penalty": float(total[2])}

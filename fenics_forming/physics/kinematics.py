@@ -1,0 +1,69 @@
+"""The three geometry kinds: how a velocity field becomes strain rates, and how volumes are weighed.
+
+The kind is chosen once, here; no form of the package branches on it.  Symmetric tensors are Mandel vectors
+(shear components times the square root of two), so that ``dot(a, b)`` is the double contraction in every kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import ufl
+
+SQRT2 = sqrt(2.0)
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """A geometry kind.
+
+    Attributes
+    ----------
+    name : "plane_strain", "axisymmetric" or "3d"
+    dim : number of space dimensions of the mesh
+    components : number of Mandel components of a symmetric tensor
+    axes : the letters of the coordinates
+    """
+
+    name: str
+    dim: int
+    components: int
+    axes: str
+
+    def strain_rate(self, v, x=None):
+        r"""Strain rate :math:`D = \mathrm{sym}\,\nabla v` as a Mandel vector, 1/s.
+
+        ``x`` (axisymmetric only) is the coordinate field; where given, points on the axis take the limit
+        :math:`v_r/r \to \partial v_r/\partial r`, which only evaluation at nodes needs.
+        """
+        g = ufl.grad(v)
+        if self.name == "plane_strain":
+            return ufl.as_vector([g[0, 0], g[1, 1], (g[0, 1] + g[1, 0]) / SQRT2])
+        if self.name == "axisymmetric":
+            if x is None:
+                hoop = v[0] / ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(v))[0]
+            else:
+                hoop = ufl.conditional(ufl.gt(x[0], 1e-12), v[0] / x[0], g[0, 0])
+            return ufl.as_vector([g[0, 0], g[1, 1], hoop, (g[0, 1] + g[1, 0]) / SQRT2])
+        return ufl.as_vector([g[0, 0], g[1, 1], g[2, 2], (g[1, 2] + g[2, 1]) / SQRT2,
+                              (g[0, 2] + g[2, 0]) / SQRT2, (g[0, 1] + g[1, 0]) / SQRT2])
+
+    def divergence(self, v):
+        r"""Volumetric strain rate :math:`\nabla\cdot v`, 1/s."""
+        d = self.strain_rate(v)
+        return d[0] + d[1] + (d[2] if self.components > 3 else 0)
+
+    def weight(self, x):
+        """What turns an integral over the mesh into one over the body: 2 pi r in axisymmetry, else 1."""
+        return 2 * pi * x[0] if self.name == "axisymmetric" else 1
+
+    def weight_at(self, points):
+        """The same as :meth:`weight` for an array of points (n, dim)."""
+        return 2 * pi * points[:, 0] if self.name == "axisymmetric" else 1.0
+
+
+PLANE_STRAIN = Kinematics("plane_strain", 2, 3, "xy")
+AXISYMMETRIC = Kinematics("axisymmetric", 2, 4, "rz")
+THREE_DIMENSIONAL = Kinematics("3d", 3, 6, "xyz")
+KINDS = {k.name: k for k in (PLANE_STRAIN, AXISYMMETRIC, THREE_DIMENSIONAL)}

@@ -1,0 +1,61 @@
+"""Direct linear solver for the symmetric, indefinite flow systems: MUMPS LDL^T, its symbolic phase reused."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+from ..errors import ConvergenceError
+
+_OUT_OF_WORKSPACE = (-8, -9, -11, -12, -14, -15, -17, -18, -20)
+
+
+class DirectSolver:
+    """Solve ``A x = b`` for a symmetric matrix whose values, not pattern, change from call to call.
+
+    ICNTL(12)=1 keeps the ordering from pairing pivots by the first matrix; without it rigid zones delay thousands
+    of pivots, the workspace overflows, and PETSc's ``preonly`` hands back NaN without a word.  So INFOG(1) is
+    looked at after every factorisation and the workspace is doubled where MUMPS asks for it.
+    """
+
+    def __init__(self, A: PETSc.Mat):
+        self._A = A
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._workspace = 100
+        self._build()
+
+    def _build(self):
+        self._ksp = PETSc.KSP().create(self._A.comm)
+        self._ksp.setType("preonly")
+        self._ksp.setOperators(self._A)
+        pc = self._ksp.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        self._factor = pc.getFactorMatrix()
+        self._factor.setMumpsIcntl(12, 1)
+        self._factor.setMumpsIcntl(14, self._workspace)
+
+    def factorise(self) -> None:
+        """Factorise the present values of the matrix.
+
+        Raises
+        ------
+        ConvergenceError
+            if MUMPS reports an error that more workspace does not cure.
+        """
+        for _ in range(6):
+            self._ksp.setOperators(self._A)
+            self._ksp.setUp()
+            info = self._factor.getMumpsInfog(1)
+            if info >= 0:
+                return
+            if info not in _OUT_OF_WORKSPACE:
+                break
+            self._workspace *= 2
+            self._build()
+        raise ConvergenceError(f"MUMPS could not factorise the system (INFOG(1) = {info}, "
+                               f"INFOG(2) = {self._factor.getMumpsInfog(2)}): the body may be free to move as a whole, "
+                               "or a cell is inverted")
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._ksp.solve(b, x)

@@ -1,0 +1,107 @@
+"""A mesh seen by its nodes: numpy views, volume-weighted averages at vertices, sums over all ranks.
+
+The package keeps its meshes isoparametric of order 2, so the nodes of the geometry are the nodes of the velocity,
+and everything that follows the material (positions, velocities, strains) is an array over the same nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem, la
+from dolfinx.mesh import Mesh
+from mpi4py import MPI
+
+
+class Nodes:
+    """Arrays and reductions over the nodes of an order-2 mesh.
+
+    Attributes
+    ----------
+    cells : (cells, nodes per cell) nodes of the owned cells; the vertices come first
+    vertices : (cells, dim + 1) the same, vertices only
+    count : number of nodes on this rank, ghosts included
+    """
+
+    def __init__(self, mesh: Mesh):
+        self.mesh = mesh
+        self.comm = mesh.comm
+        self.dim = mesh.topology.dim
+        if mesh.geometry.cmap.degree != 2:
+            raise ValueError("the mesh must be isoparametric of order 2 (fenics_forming.physics.meshing.order_two)")
+        owned = mesh.topology.index_map(self.dim).size_local
+        self.cells = mesh.geometry.dofmap[:owned]
+        self.vertices = self.cells[:, : self.dim + 1]
+        self.count = mesh.geometry.x.shape[0]
+        self.scalar_space = fem.functionspace(mesh, ("Lagrange", 1))
+        self.scalar_dofs = np.full(self.count, -1, dtype=np.int32)
+        self.scalar_dofs[mesh.geometry.dofmap[:, : self.dim + 1].ravel()] = self.scalar_space.dofmap.list.ravel()
+        self.is_vertex = self.scalar_dofs >= 0
+        self._edge_mid, self._edge_ends = _mid_nodes(mesh.geometry.dofmap, self.dim)
+        self._sums: dict[int, la.Vector] = {}
+
+    @property
+    def x(self) -> np.ndarray:
+        """Positions (count, dim), mm: a view, writing moves the mesh."""
+        return self.mesh.geometry.x[:, : self.dim]
+
+    def cell_sizes(self) -> np.ndarray:
+        """Straight-sided area or volume of the owned cells, (cells,)."""
+        p = self.x[self.vertices]
+        scale = 0.5 if self.dim == 2 else 1.0 / 6.0
+        return scale * np.abs(np.linalg.det(p[:, 1:] - p[:, :1]))
+
+    def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
+        """Add the contributions of all ranks at shared vertices: (count,) or (count, k) in, the same out.
+
+        Mid-nodes get the mean of the ends of their edge.
+        """
+        flat = values.reshape(self.count, -1)
+        width = flat.shape[1]
+        if width not in self._sums:
+            self._sums[width] = la.vector(self.scalar_space.dofmap.index_map, width)
+        vector = self._sums[width]
+        array = vector.array.reshape(-1, width)
+        array[:] = 0.0
+        v = self.is_vertex
+        array[self.scalar_dofs[v]] = flat[v]
+        if self.comm.size > 1:
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+        out = np.empty_like(flat)
+        out[v] = array[self.scalar_dofs[v]]
+        out[self._edge_mid] = 0.5 * (out[self._edge_ends[:, 0]] + out[self._edge_ends[:, 1]])
+        return out.reshape(values.shape)
+
+    def vertex_mean(self, at_vertices: np.ndarray) -> np.ndarray:
+        """Volume-weighted mean at the nodes of values given per cell and vertex, (cells, dim + 1[, k]).
+
+        For a quantity that is linear in each cell, such as the rate of a quadratic velocity, evaluated at the
+        vertices themselves this is second order also on the boundary.
+        """
+        weight = self.cell_sizes()
+        flat = at_vertices.reshape(len(self.cells), self.dim + 1, -1)
+        nodes = self.vertices.ravel()
+        columns = [np.bincount(nodes, np.repeat(weight, self.dim + 1), self.count)]
+        columns += [np.bincount(nodes, (flat[:, :, k] * weight[:, None]).ravel(), self.count)
+                    for k in range(flat.shape[2])]
+        sums = self.sum_over_ranks(np.stack(columns, axis=1))
+        mean = sums[:, 1:] / sums[:, :1]
+        return mean.reshape((self.count,) + at_vertices.shape[2:])
+
+    def extents(self) -> np.ndarray:
+        """Lowest and highest coordinates of the body, (2, dim), mm."""
+        low = self.comm.allreduce(self.x.min(axis=0), MPI.MIN) if self.comm.size > 1 else self.x.min(axis=0)
+        high = self.comm.allreduce(self.x.max(axis=0), MPI.MAX) if self.comm.size > 1 else self.x.max(axis=0)
+        return np.array([low, high])
+
+
+# basix: edge i of a triangle lies opposite vertex i; the edges of a tetrahedron in its own order
+_EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
+
+
+def _mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mid-nodes of all edges and the two vertices of each: (m,), (m, 2)."""
+    mids = cells[:, dim + 1:].ravel()
+    ends = np.stack([cells[:, list(e)] for e in _EDGES[dim]], axis=1).reshape(-1, 2)
+    mids, first = np.unique(mids, return_index=True)
+    return mids, ends[first]

@@ -1,0 +1,30 @@
+"""Numerical parameters of one velocity solve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """What the stress-velocity Newton needs to know (defaults measured, FORMULATION.md 1).
+
+    Attributes
+    ----------
+    regularisation : the rate below which the body is taken as viscous, relative to the characteristic rate; 1.5e-3
+        costs about 1e-4 of the force
+    slip_regularisation : the same for the slip, relative to the speed of the tools
+    velocity_tolerance, force_tolerance : stop when the relative change of the velocities *and* of the contact forces
+        falls below these
+    max_iterations : a solve that needs more has failed
+    damping_from : from this iteration on every second increment is halved (ends cycles of the contact set)
+    """
+
+    regularisation: float = 1.5e-3
+    slip_regularisation: float = 1e-3
+    velocity_tolerance: float = 1e-2
+    force_tolerance: float = 2e-3
+    max_iterations: int = 40
+    damping_from: int = 8
+    penalty_factor: float = 10.0
+    augmented: bool = False

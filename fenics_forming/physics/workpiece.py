@@ -1,0 +1,310 @@
+r"""Rigid-(visco)plastic flow of one body: the terms, the spaces and the state at the integration points.
+
+Find velocity v and pressure p (mean stress -p) with, for all w and q,
+
+.. math:: \int \tfrac{2\bar\sigma}{3\dot{\bar\varepsilon}} D(v):D(w) - \int p\,\nabla\!\cdot w - \int q\,\nabla\!\cdot v
+          - \int t\cdot w\,d\Gamma - \int f\cdot w = 0 .
+
+The linearisation keeps the deviatoric stress :math:`\tau` as an independent field (stress-velocity Newton of Rudi, Shih
+and Stadler, arXiv 2003.11115); it lives here because it is a warm start from one solve to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from .kinematics import Kinematics
+from .nodes import Nodes
+from .settings import NewtonSettings
+
+QUADRATURE_DEGREE = {2: 3, 3: 2}
+
+
+# ---------------------------------------------------------------------- terms of the virtual power
+def plastic(D_v, D_w, flow_stress, rate, weight, dx):
+    r"""Plastic virtual power :math:`\int \frac{2\bar\sigma}{3\dot{\bar\varepsilon}} D(v):D(w)\,dV`, mW."""
+    return 2 * flow_stress / (3 * rate) * ufl.dot(D_v, D_w) * weight * dx
+
+
+def plastic_tangent(D_v, D_dv, D_w, flow_stress, rate, stress, softening, weight, dx):
+    r"""Stress-velocity tangent of :func:`plastic`:
+    :math:`\int\frac{2}{3\dot{\bar\varepsilon}}\big[\bar\sigma D(dv):D(w)-\frac{c}{2\dot{\bar\varepsilon}}
+    (\hat\tau:D(dv)\,D(v):D(w)+D(v):D(dv)\,\hat\tau:D(w))\big]dV`.
+
+    ``softening`` is :math:`c=1-\dot{\bar\varepsilon}\,\partial_{\dot{\bar\varepsilon}}\bar\sigma/\bar\sigma`: 1 for
+    perfect plasticity, 0 for a Newtonian fluid, which makes the tangent linear there, as it must be.
+    """
+    cross = ufl.dot(stress, D_dv) * ufl.dot(D_v, D_w) + ufl.dot(D_v, D_dv) * ufl.dot(stress, D_w)
+    return 2 / (3 * rate) * (flow_stress * ufl.dot(D_dv, D_w) - softening / (2 * rate) * cross) * weight * dx
+
+
+def incompressibility(v, p, w, q, divergence, weight, dx):
+    r"""Power of the mean stress and its constraint: :math:`-\int p\,\nabla\!\cdot w-\int q\,\nabla\!\cdot v`."""
+    return -(p * divergence(w) + q * divergence(v)) * weight * dx
+
+
+def body_force_power(f, w, weight, dx):
+    r"""Power of a force per volume, :math:`-\int f\cdot w\,dV`."""
+    return -ufl.inner(f, w) * weight * dx
+
+
+# ---------------------------------------------------------------------- conditions on the velocity
+@dataclass(frozen=True)
+class FixedVelocity:
+    """Velocity component ``component`` on ``facets`` is ``value`` (mm/s): a number or f(x (n, dim)) → (n,)."""
+
+    facets: np.ndarray
+    component: int
+    value: float | object = 0.0
+
+
+class Workpiece:
+    """Spaces, terms and point data of one flowing body.
+
+    Parameters
+    ----------
+    nodes : the order-2 mesh by its nodes
+    kinematics : geometry kind
+    flow_stress : law, f(strain, rate, temperature) → MPa (``laws.flow_stress``)
+    fixed : conditions on the velocity
+    contact : ``RigidContact`` or None
+    body_force : UFL vector or tuple of numbers, N/mm³, or None
+    pressure_datum : pin the pressure at one vertex (needed where the whole boundary has its normal velocity given)
+    """
+
+    def __init__(self, nodes: Nodes, *, kinematics: Kinematics, flow_stress, fixed=(), contact=None, body_force=None,
+                 pressure_datum: bool = False, settings: NewtonSettings = NewtonSettings()):
+        self.nodes, self.kinematics, self.law = nodes, kinematics, flow_stress
+        self.contact, self.settings = contact, settings
+        mesh, dim = nodes.mesh, nodes.dim
+        cell = mesh.basix_cell()
+        self.space = W = fem.functionspace(mesh, basix.ufl.mixed_element([
+            basix.ufl.element("Lagrange", cell, 2, shape=(dim,)), basix.ufl.element("Lagrange", cell, 1)]))
+        self.solution = fem.Function(W, name="velocity_and_pressure")
+        self.increment = fem.Function(W)
+        self._number_dofs()
+
+        degree = QUADRATURE_DEGREE[dim]
+        quadrature = lambda shape: fem.functionspace(  # noqa: E731
+            mesh, basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=degree))
+        self._sigma = fem.Function(quadrature(()), name="flow_stress")
+        self._softening = fem.Function(self._sigma.function_space)
+        self._tau = fem.Function(quadrature((kinematics.components,)), name="deviatoric_stress")
+        self.rate0 = fem.Constant(mesh, 1.0)
+        points, _ = basix.make_quadrature(cell, degree)
+        self._hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
+        self._compile(points, body_force, degree)
+
+        self.fixed = tuple(fixed)
+        self._fix(pressure_datum)
+        self.strain_rate = np.zeros((len(nodes.cells) * len(points), kinematics.components))
+        self.tau = np.zeros_like(self.strain_rate)
+        self.is_cold = True
+
+    # ------------------------------------------------------------------ forms
+    def _compile(self, points, body_force, degree):
+        mesh, kin = self.nodes.mesh, self.kinematics
+        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree, "quadrature_rule": "default"})
+        x = ufl.SpatialCoordinate(mesh)
+        weight = kin.weight(x)
+        v, p = ufl.split(self.solution)
+        w, q = ufl.TestFunctions(self.space)
+        dv, dp = ufl.TrialFunctions(self.space)
+        D = kin.strain_rate
+        rate = ufl.sqrt(2 / 3 * ufl.dot(D(v), D(v)) + self.rate0**2)
+
+        terms = {"plastic": plastic(D(v), D(w), self._sigma, rate, weight, dx),
+                 "incompressibility": incompressibility(v, p, w, q, kin.divergence, weight, dx)}
+        tangents = {"plastic": plastic_tangent(D(v), D(dv), D(w), self._sigma, rate, self._tau, self._softening,
+                                               weight, dx),
+                    "incompressibility": incompressibility(dv, dp, w, q, kin.divergence, weight, dx)}
+        if body_force is not None:
+            f = ufl.as_vector(body_force) if isinstance(body_force, (tuple, list)) else body_force
+            terms["body_force"] = body_force_power(f, w, weight, dx)
+        entity_maps = {}
+        if self.contact is not None:
+            terms["contact"] = self.contact.facets.virtual_power(w, weight)
+            tangents["contact"] = self.contact.facets.tangent(dv, w, weight)
+            entity_maps = self.contact.facets.entity_maps
+        self.terms = tuple(terms)
+
+        self.residual_form = fem.form(sum(terms.values()), entity_maps=entity_maps)
+        self.tangent_form = fem.form(sum(tangents.values()), entity_maps=entity_maps)
+        self._volume = fem.form(weight * dx)
+        self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
+        self._force_power = fem.form(-body_force_power(f, v, weight, dx)) if body_force is not None else None
+        self._nodal_area = fem.form(sum(w[i] for i in range(1)) * weight * self.contact.facets.measure) \
+            if self.contact is not None else None
+        u = ufl.split(self.increment)[0]
+        self._rate_of_increment = fem.Expression(D(u), points)
+        corners = basix.geometry(mesh.basix_cell())
+        Dx = kin.strain_rate(v, x)
+        self._rate_at_vertices = fem.Expression(ufl.sqrt(2 / 3 * ufl.dot(Dx, Dx)), corners)
+        self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
+
+    # ------------------------------------------------------------------ numbering and conditions
+    def _number_dofs(self):
+        n, W = self.nodes, self.space
+        velocity = n.cells.shape[1] * n.dim
+        cells, dofs = n.mesh.geometry.dofmap, W.dofmap.list
+        self.velocity_dofs = np.full((n.count, n.dim), -1, dtype=np.int32)
+        self.velocity_dofs[cells] = dofs[:, :velocity].reshape(cells.shape + (n.dim,))
+        self.pressure_dofs = np.full(n.count, -1, dtype=np.int32)
+        self.pressure_dofs[cells[:, : n.dim + 1]] = dofs[:, velocity:]
+        self.owned = W.dofmap.index_map.size_local
+        all_v = self.velocity_dofs.ravel()
+        self.owned_velocity_dofs = np.sort(all_v[all_v < self.owned])
+
+    def _fix(self, pressure_datum: bool):
+        self._values = fem.Function(self.space)
+        chosen = []
+        dim = self.nodes.dim
+        for condition in self.fixed:
+            nodes = facet_nodes(self.nodes, condition.facets)
+            dofs = self.velocity_dofs[nodes, condition.component]
+            value = condition.value
+            self._values.x.array[dofs] = value(self.nodes.x[nodes]) if callable(value) else value
+            chosen.append(dofs)
+        if pressure_datum:
+            at = self.nodes.comm.allgather(self.owned > 0).index(True)
+            if self.nodes.comm.rank == at:
+                owned = self.pressure_dofs[(self.pressure_dofs >= 0) & (self.pressure_dofs < self.owned)]
+                chosen.append(owned[:1])
+        dofs = np.unique(np.concatenate(chosen)) if chosen else np.empty(0, dtype=np.int32)
+        dofs = self._share(dofs)
+        self.fixed_dofs = dofs
+        self._values.x.scatter_forward()
+        self.conditions = [fem.dirichletbc(self._values, dofs.astype(np.int32))]
+        _ = dim
+
+    def _share(self, dofs: np.ndarray) -> np.ndarray:
+        """The same dofs as every rank sees them: a facet's owner need not own its dofs."""
+        mark = fem.Function(self.space)
+        mark.x.array[dofs] = 1.0
+        if self.nodes.comm.size > 1:
+            from dolfinx import la
+            values = self._values.x
+            values.array[np.setdiff1d(np.arange(len(mark.x.array)), dofs)] = 0.0
+            shares = fem.Function(self.space)
+            shares.x.array[:] = values.array
+            counts = fem.Function(self.space)
+            counts.x.array[dofs] = 1.0
+            for f in (shares, counts):
+                f.x.scatter_reverse(la.InsertMode.add)
+                f.x.scatter_forward()
+            found = counts.x.array > 0
+            values.array[found] = shares.x.array[found] / counts.x.array[found]
+            return np.flatnonzero(found).astype(np.int32)
+        return dofs
+
+    # ------------------------------------------------------------------ views of the solution
+    @property
+    def velocity(self) -> np.ndarray:
+        """Nodal velocities (nodes, dim), mm/s (a copy)."""
+        return self.solution.x.array[self.velocity_dofs]
+
+    @property
+    def mean_stress(self) -> np.ndarray:
+        """Mean stress at the nodes (nodes,), MPa, tension positive."""
+        nodal = np.zeros(self.nodes.count)
+        v = self.nodes.is_vertex
+        nodal[v] = -self.solution.x.array[self.pressure_dofs[v]]
+        mids, ends = self.nodes._edge_mid, self.nodes._edge_ends
+        nodal[mids] = 0.5 * (nodal[ends[:, 0]] + nodal[ends[:, 1]])
+        return nodal
+
+    def nodal_rate(self) -> np.ndarray:
+        """Effective strain rate at the nodes (nodes,), 1/s."""
+        return self.nodes.vertex_mean(self._rate_at_vertices.eval(self.nodes.mesh, self._owned_cells))
+
+    def volume(self) -> float:
+        """Volume of the body, mm³ (mm² in plane strain)."""
+        return self._total(self._volume)
+
+    def plastic_power(self) -> float:
+        """Power dissipated by plastic flow, mW."""
+        return self._total(self._plastic_power)
+
+    def body_force_power(self) -> float:
+        return self._total(self._force_power) if self._force_power is not None else 0.0
+
+    def _total(self, form) -> float:
+        from mpi4py import MPI
+        value = fem.assemble_scalar(form)
+        return float(self.nodes.comm.allreduce(value, MPI.SUM)) if self.nodes.comm.size > 1 else float(value)
+
+    # ------------------------------------------------------------------ point data
+    def at_points(self, nodal: np.ndarray) -> np.ndarray:
+        """A nodal field at the integration points of the cells, (cells * points,)."""
+        return (nodal[self.nodes.vertices] @ self._hats.T).ravel()
+
+    def point_rate(self) -> np.ndarray:
+        """Regularised effective strain rate at the integration points, 1/s."""
+        d = self.strain_rate
+        return np.sqrt(2 / 3 * np.einsum("pi,pi->p", d, d) + float(self.rate0.value) ** 2)
+
+    def set_flow_stress(self, strain, rate, temperature) -> None:
+        """Flow stress and its rate sensitivity at the integration points."""
+        sigma = np.broadcast_to(self.law(strain, rate, temperature), rate.shape)
+        self.sigma = sigma
+        self._sigma.x.array[: sigma.size] = sigma
+        if self.law.depends_on_rate:
+            slope = self.law.rate_derivative(strain, rate, temperature)
+            c = np.clip(1.0 - rate * slope / sigma, 0.0, 1.0)
+        else:
+            c = np.ones_like(rate)
+        self.softening = c
+        self._softening.x.array[: c.size] = c
+
+    def cut_stress(self, rate) -> None:
+        """Cut the independent stress to the flow stress and hand it to the tangent."""
+        length = np.sqrt(1.5 * np.einsum("pi,pi->p", self.tau, self.tau))
+        over = length > self.sigma
+        if over.any():
+            self.tau[over] *= (self.sigma[over] / length[over])[:, None]
+        self._tau.x.array[: self.tau.size] = self.tau.ravel()
+
+    def update_stress(self, rate, increment_rate) -> None:
+        """Stress and strain rate after the increment: the stress-velocity update."""
+        change = 2 / 3 * np.einsum("pi,pi->p", self.strain_rate, increment_rate) / rate**2
+        self.strain_rate += increment_rate
+        self.tau *= -(self.softening * change)[:, None]
+        self.tau += (2 * self.sigma / (3 * rate))[:, None] * self.strain_rate
+
+    def rate_of_increment(self) -> np.ndarray:
+        return self._rate_of_increment.eval(self.nodes.mesh, self._owned_cells).reshape(self.strain_rate.shape)
+
+    def refresh_strain_rate(self) -> None:
+        """Strain rate at the points anew from the velocity, on the present geometry."""
+        self.increment.x.array[:] = self.solution.x.array
+        self.strain_rate = self.rate_of_increment().copy()
+
+    def nodal_areas(self) -> np.ndarray:
+        """Surface of the contact facets that belongs to each node (nodes,), mm² (2 pi r included)."""
+        from petsc4py import PETSc
+        b = fem_petsc.assemble_vector(self._nodal_area)
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        b.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with b.localForm() as local:
+            return local.array[self.velocity_dofs[:, 0]].copy()
+
+
+def facet_nodes(nodes: Nodes, facets: np.ndarray) -> np.ndarray:
+    """All nodes (vertices and mid-nodes) on the given facets."""
+    if len(facets) == 0:
+        return np.empty(0, dtype=np.int32)
+    mesh, dim = nodes.mesh, nodes.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    to_cell, to_facet = mesh.topology.connectivity(dim - 1, dim), mesh.topology.connectivity(dim, dim - 1)
+    layout = mesh.geometry.cmap.create_dof_layout()
+    cells = to_cell.array[to_cell.offsets[facets]]
+    local = np.argmax(to_facet.array.reshape(-1, dim + 1)[cells] == np.asarray(facets)[:, None], axis=1)
+    closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
+    return np.unique(mesh.geometry.dofmap[cells[:, None], closure[local]])

@@ -1,0 +1,1 @@
+"""Everything between two solves: moving the material, choosing the step, keeping the state."""

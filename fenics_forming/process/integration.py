@@ -1,0 +1,129 @@
+"""Time schemes: how one step takes the body from one time to the next.
+
+Each scheme gets the flow at the start of the step already solved and leaves positions and strain at its end.
+``solve(time, strain, dt)`` places the tools, puts sunken nodes back, and solves the flow on the present geometry;
+dt is what the contact looks ahead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from . import shifting
+
+
+@dataclass(frozen=True)
+class Flow:
+    """The flow at one instant, by nodes: velocity (n, d) mm/s, effective strain rate (n,) 1/s, iterations spent."""
+
+    velocity: np.ndarray
+    rate: np.ndarray
+    iterations: int
+
+
+@dataclass(frozen=True)
+class StepEnd:
+    """What a scheme leaves: strain (n,), the iterations and solves it spent, the flow at the end where it has one,
+    and an estimate of the position error of the step, mm."""
+
+    strain: np.ndarray
+    iterations: int
+    solves: int
+    flow: Flow | None
+    error: float
+
+
+class Body(Protocol):
+    """What a scheme may do with the body."""
+
+    x: np.ndarray
+
+    def solve(self, time: float, strain: np.ndarray, dt: float) -> Flow: ...
+
+    def place(self, time: float) -> None: ...
+
+    def velocity_gradient(self) -> np.ndarray: ...
+
+
+class Explicit:
+    """x + v dt with the velocity of the start; first order, one solve a step."""
+
+    name = "explicit"
+
+    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+        body.x[:] = shifting.explicit(body.x, start.velocity, dt)
+        body.place(time + dt)
+        return StepEnd(strain + dt * start.rate, 0, 0, None, np.inf)
+
+
+class Etd2:
+    """The exponential shift; second order, exact for rigid rotation, one solve a step."""
+
+    name = "etd2"
+
+    def __init__(self):
+        self._memory: shifting.FlowMemory | None = None
+        self._rate: tuple[np.ndarray, float] | None = None
+
+    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+        x, gradient = body.x.copy(), body.velocity_gradient()
+        body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, self._memory)
+        self._memory = shifting.FlowMemory(start.velocity, gradient, x, dt)
+        increment = dt * start.rate
+        if self._rate is not None:   # the rates of the same material points: Adams-Bashforth
+            increment += 0.5 * dt**2 * (start.rate - self._rate[0]) / self._rate[1]
+        self._rate = (start.rate, dt)
+        body.place(time + dt)
+        return StepEnd(strain + np.maximum(increment, 0.0), 0, 0, None, np.inf)
+
+
+class Midpoint:
+    """Solve again half-way and move by that velocity; second order, two solves a step (the default)."""
+
+    name = "midpoint"
+
+    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+        x0 = body.x.copy()
+        body.x[:] = shifting.explicit(x0, start.velocity, dt / 2)
+        body.place(time + dt / 2)
+        middle = body.solve(time + dt / 2, strain + dt / 2 * start.rate, dt / 2)
+        body.x[:] = shifting.explicit(x0, middle.velocity, dt)
+        body.place(time + dt)
+        error = dt * float(np.abs(middle.velocity - start.velocity).max())
+        return StepEnd(strain + dt * middle.rate, middle.iterations, 1, None, error)
+
+
+class Trapezoid:
+    """The mean of the velocities at both ends, solved again on the end geometry until it no longer moves."""
+
+    name = "trapezoid"
+
+    def __init__(self, passes: int = 8, tolerance: float = 1e-5):
+        self.passes, self.tolerance = passes, tolerance
+
+    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+        x0 = body.x.copy()
+        size = np.ptp(x0, axis=0).max()
+        end, spent, solves, error = start, 0, 0, np.inf
+        target = shifting.explicit(x0, start.velocity, dt)
+        for k in range(self.passes):
+            body.x[:] = target
+            body.place(time + dt)
+            end = body.solve(time + dt, strain + dt / 2 * (start.rate + end.rate), dt)
+            spent, solves = spent + end.iterations, solves + 1
+            corrected = shifting.explicit(x0, 0.5 * (start.velocity + end.velocity), dt)
+            change = float(np.abs(corrected - target).max())
+            error = change if k == 0 else error
+            target = corrected
+            if change < self.tolerance * size:
+                break
+        body.x[:] = target
+        body.place(time + dt)
+        return StepEnd(strain + dt / 2 * (start.rate + end.rate), spent, solves, None, error)
+
+
+SCHEMES = {scheme.name: scheme for scheme in (Explicit, Etd2, Midpoint, Trapezoid)}
+SCHEMES["implicit"] = Midpoint

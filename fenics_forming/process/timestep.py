@@ -1,0 +1,78 @@
+"""The length of the next step: the wanted step, what must be hit exactly, and what the flow allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Adaptivity:
+    """Limits of an adaptive step.
+
+    max_strain_increment : of the effective strain in a step, at the 98th percentile of the nodes
+    tolerance : position error of a step relative to the size of the body
+    """
+
+    max_strain_increment: float = 0.05
+    tolerance: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A step length, s, and what set it."""
+
+    dt: float
+    reason: str
+
+
+class StepChoice:
+    """Chooses steps; remembers cuts and lets the step grow again.
+
+    Parameters
+    ----------
+    nominal : f(time) → the wanted step, s
+    landmarks : times that must be hit exactly, s
+    adaptivity : None for equal steps
+    min_fraction : of the nominal step; a step that would have to be shorter fails
+    """
+
+    def __init__(self, nominal, landmarks=(), adaptivity: Adaptivity | None = None, min_fraction: float = 1e-3):
+        self._nominal, self._landmarks = nominal, np.sort(np.asarray(list(landmarks), float))
+        self._adaptivity, self.min_fraction = adaptivity, min_fraction
+        self._fraction = 1.0
+        self._reason = "step"
+
+    def next(self, time: float, rates: np.ndarray | None = None) -> Limit:
+        """The step from ``time`` on; ``rates``, effective strain rates at the nodes, 1/s."""
+        nominal = self._nominal(time)
+        dt, reason = nominal * self._fraction, "step" if self._fraction == 1.0 else self._reason
+        if self._adaptivity is not None and rates is not None and rates.size:
+            fast = float(np.quantile(rates, 0.98))
+            allowed = self._adaptivity.max_strain_increment / fast if fast > 0 else np.inf
+            if allowed < dt:
+                dt, reason = max(allowed, nominal * self.min_fraction), "strain"
+        ahead = self._landmarks[self._landmarks > time + 1e-9 * nominal]
+        if ahead.size:
+            left = ahead[0] - time
+            if dt >= left * (1 - 1e-9):
+                return Limit(left, reason if dt <= left * (1 + 1e-9) else "target")
+            if dt > 0.5 * left and dt < left and self._adaptivity is not None:
+                return Limit(0.5 * left, reason)   # two even steps instead of one long and one tiny
+        return Limit(dt, reason)
+
+    def failed(self) -> bool:
+        """Halve the step; False where it would become too short."""
+        self._fraction *= 0.5
+        self._reason = "cut"
+        return self._fraction >= self.min_fraction
+
+    def succeeded(self, error: float, size: float) -> None:
+        """Let the step grow again; with adaptivity, by the error estimate (mm) of a first-order predictor."""
+        if self._adaptivity is not None and np.isfinite(error) and error > 0:
+            factor = 0.9 * np.sqrt(self._adaptivity.tolerance * size / error)
+            self._fraction = float(np.clip(self._fraction * np.clip(factor, 0.3, 1.5), self.min_fraction, 1.0))
+            self._reason = "error"
+        else:
+            self._fraction = min(1.0, 2.0 * self._fraction)
