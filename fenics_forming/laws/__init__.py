@@ -8,9 +8,7 @@ from .flow_stress import (
     STRAIN_FLOOR,
     Constant,
     FlowStress,
-    HenselSpittel,
     Hollomon,
-    JohnsonCook,
     Linear,
     Ludwik,
     NortonHoff,
@@ -18,6 +16,7 @@ from .flow_stress import (
     Swift,
     Voce,
 )
+from .flow_stress_hot import HenselSpittel, JohnsonCook
 from .flow_stress_table import Table
 from .friction import Coulomb, Friction, FrictionLaw, Levanov, NoFriction, Siebel, Sticking
 

@@ -76,19 +76,34 @@ class Described(BaseModel, metaclass=_InTheUsersWords):
         table = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if value is not None and (name in _TAGS or field.is_required() or value != field.get_default()):
+            if value is not None and (
+                name in _TAGS or field.is_required() or value != field.get_default(call_default_factory=True)
+            ):
                 table[field.alias or name] = _plain(value)
         return table
+
+    def __eq__(self, other):
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
+
+    def __hash__(self):
+        return hash((type(self), *(getattr(self, name) for name in type(self).model_fields)))
 
     def __repr__(self):
         words = []
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if name not in _TAGS and value is not None:
+            if name not in _TAGS and not is_default(value, field):
                 words.append(f"{field.alias or name}={shown_with_unit(value, field)}")
         return f"{type(self).__name__}({', '.join(words)})"
 
     __str__ = __repr__
+
+
+def is_default(value, field):
+    """Whether the user could have left the key out."""
+    return not field.is_required() and value == field.get_default(call_default_factory=True)
 
 
 def shown_with_unit(value, field):
@@ -140,7 +155,7 @@ def _problems(single, values):
         sentence = f"{context['got']} {context['why']}; expected {context['expected']}"
         yield SceneError(sentence, key=where, got=single["input"], allowed=context["expected"])
     elif kind == "at_key":
-        key = f"{below}{context['key']}"
+        key = f"{below}{context['key']}" if context["key"] else where
         yield SceneError(context["sentence"], key=key, got=context.get("got"), allowed=context.get("allowed"))
     elif kind == "literal_error":
         allowed = re.findall(r"'([^']*)'", context["expected"])
@@ -165,13 +180,17 @@ _EXPECTED = {
 def unknown_word(sentence, got, allowed, key):
     """A `SceneError` for a word that is none of `allowed`, with the nearest one as a proposal."""
     hint = did_you_mean(got, allowed) if isinstance(got, str) else ""
-    sentence = f"{sentence}; {hint} (allowed: {_listed(allowed)})" if hint else f"{sentence}; allowed: {_listed(allowed)}"
+    sentence = (
+        f"{sentence}; {hint} (allowed: {_listed(allowed)})" if hint else f"{sentence}; allowed: {_listed(allowed)}"
+    )
     return SceneError(sentence, key=key, got=got, allowed=list(allowed))
 
 
 def at_key(key, sentence, got=None, allowed=None):
     """A pydantic error for one key of the model that is being validated (raise it in a model validator)."""
-    return PydanticCustomError("at_key", "{sentence}", {"key": key, "sentence": sentence, "got": got, "allowed": allowed})
+    return PydanticCustomError(
+        "at_key", "{sentence}", {"key": key, "sentence": sentence, "got": got, "allowed": allowed}
+    )
 
 
 def _key(location, values):

@@ -40,8 +40,6 @@ class Spin(Described):
 class Drive(Described):
     """Base of the drives: at rest, unless a subclass says otherwise."""
 
-    rotation: Spin | None = None
-
     @property
     def dimension(self):
         """2 or 3, from the vectors of the drive."""
@@ -64,8 +62,8 @@ class Drive(Described):
         return start if travel <= self.travel(start) else math.inf
 
     def angular_velocity(self, time):
-        """rad/s about `axis` (z in 2-D), positive counter-clockwise."""
-        return self.rotation.speed if self.rotation else 0.0
+        """rad/s about `rotation_axis` (z in 2-D), positive counter-clockwise."""
+        return 0.0
 
     def angle(self, time):
         """Angle turned since t = 0, rad."""
@@ -73,13 +71,13 @@ class Drive(Described):
 
     @property
     def rotation_centre(self):
-        """Centre of rotation at t = 0, mm, shape (dimension,); None without rotation."""
-        return np.array(self.rotation.centre) if self.rotation else None
+        """Centre of rotation at t = 0, mm, shape (dimension,); it moves by `displacement`. None without rotation."""
+        return None
 
     @property
     def rotation_axis(self):
-        """Unit vector of the axis of rotation, shape (3,); None without rotation."""
-        return _unit(self.rotation.axis or _UP) if self.rotation else None
+        """Unit vector of the axis of rotation, shape (3,), z in 2-D; None without rotation."""
+        return None
 
     @property
     def direction(self):
@@ -92,7 +90,24 @@ class Drive(Described):
         return self.direction is not None or self.angular_velocity(0.0) != 0
 
 
-class SpeedDrive(Drive):
+class _Translation(Drive):
+    """A drive that translates the tool and may turn it too."""
+
+    rotation: Spin | None = None
+
+    def angular_velocity(self, time):
+        return self.rotation.speed if self.rotation else 0.0
+
+    @property
+    def rotation_centre(self):
+        return np.array(self.rotation.centre) if self.rotation else None
+
+    @property
+    def rotation_axis(self):
+        return _unit(self.rotation.axis or _UP) if self.rotation else None
+
+
+class SpeedDrive(_Translation):
     """Constant velocity: displacement = velocity * t.
 
     Parameters
@@ -132,7 +147,7 @@ class SpeedDrive(Drive):
         return travel / speed if speed > 0 else math.inf
 
 
-class TableDrive(Drive):
+class TableDrive(_Translation):
     """Displacement or speed along a direction from a table, linear between its times; at rest before and after it.
 
     Give `times` with `displacement` or `speed`, or `file`, a CSV file with the columns time and displacement or speed
@@ -247,7 +262,6 @@ class RotationDrive(Drive):
     """
 
     kind: Literal["rotation"] = "rotation"
-    rotation: None = Field(None, exclude=True)
     speed: AngularSpeed
     centre: Vector(Length)
     axis: Vector(Number, 3) | None = None

@@ -78,7 +78,9 @@ class Table(FlowStress):
         axes, stress = self._from_file() if self.file is not None else self._from_lists()
         for name, axis in axes.items():
             if np.any(np.diff(axis) <= 0):
-                raise at_key(self._key(name), f"the {name}s are not rising: {_some(axis)}", _some(axis), "rising values")
+                raise at_key(
+                    self._key(name), f"the {name}s are not rising: {_some(axis)}", _some(axis), "rising values"
+                )
         return axes, stress
 
     def _key(self, name):
@@ -94,7 +96,7 @@ class Table(FlowStress):
             stress = np.zeros(0)
         if stress.shape != wanted:
             shape = " x ".join(str(size) for size in wanted)
-            raise at_key("stress", f"does not hold {shape} values, one for each of {', '.join(axes)}", allowed=wanted)
+            raise at_key("stress", f"does not hold {shape} values over {' x '.join(axes)}", allowed=wanted)
         return axes, stress
 
     def _from_file(self):

@@ -3,6 +3,7 @@
 from typing import Literal
 
 import numpy as np
+from pydantic import ConfigDict
 
 from ..units import NonNegative, Number, Within
 from .described import Described, one_of
@@ -15,7 +16,7 @@ Factor = Within(Number, 0, 1)
 class Friction(Described):
     """Base of the friction laws: `limit(pressure, flow_stress)`, `depends_on_pressure`, `sticks`, `acts`."""
 
-    model_config = {"ignored_types": (bool,)}
+    model_config = ConfigDict(ignored_types=(bool,))
 
     depends_on_pressure = False
     sticks = False

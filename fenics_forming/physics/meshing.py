@@ -87,7 +87,7 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
     return generate(build, 2, size, corners=corners, corner_size=corner_size, growth=growth, comm=comm)
 
 
-def generate(build, dim: int, size: float, *, corners=(), corner_size: float | None = None, growth: float = 0.25,
+def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.25,
              comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it."""
     problem = mesh = None
@@ -99,8 +99,6 @@ def generate(build, dim: int, size: float, *, corners=(), corner_size: float | N
                 gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)], 1)
                 gmsh.model.mesh.generate(dim)
                 gmsh.model.mesh.setOrder(2)
-                if dim == 3:
-                    gmsh.model.mesh.optimize("HighOrderFastCurving" if False else "")
             except Exception as error:  # gmsh raises bare Exceptions
                 problem = f"gmsh could not mesh the body: {error}"
             problem = comm.bcast(problem, 0)
@@ -116,7 +114,8 @@ def generate(build, dim: int, size: float, *, corners=(), corner_size: float | N
 
 
 def _sizes(gmsh, size, corners, corner_size, growth):
-    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    if size is not None:
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
     gmsh.option.setNumber("Mesh.HighOrderOptimize", 0)
     if corner_size is None or len(corners) == 0:

@@ -63,6 +63,9 @@ class FlowSolver:
                     found = self._iterate(strain, temperature, characteristic_rate, r, r,
                                           touching if k == 0 else None)
                     spent += found.iterations
+                if self.settings.augmented and self.workpiece.contact is not None:
+                    found = self._iterate(strain, temperature, characteristic_rate, ratio, ratio, None)
+                    spent += found.iterations
                 return FlowSolution(spent, found.velocity_change, found.force_change)
             except ConvergenceError as failure:
                 history.append(str(failure))

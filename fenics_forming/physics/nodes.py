@@ -6,6 +6,7 @@ and everything that follows the material (positions, velocities, strains) is an 
 
 from __future__ import annotations
 
+import basix
 import numpy as np
 from dolfinx import fem, la
 from dolfinx.mesh import Mesh
@@ -37,6 +38,11 @@ class Nodes:
         self.scalar_dofs[mesh.geometry.dofmap[:, : self.dim + 1].ravel()] = self.scalar_space.dofmap.list.ravel()
         self.is_vertex = self.scalar_dofs >= 0
         self._edge_mid, self._edge_ends = _mid_nodes(mesh.geometry.dofmap, self.dim)
+        cell = mesh.basix_cell()
+        element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
+        self._gradients = element.tabulate(1, element.points)[1:, :, :, 0]
+        p = self.x[self.vertices]
+        self._orientation = np.sign(np.linalg.det(p[:, 1:] - p[:, :1])) if len(p) else np.empty(0)
         self._sums: dict[int, la.Vector] = {}
 
     @property
@@ -49,6 +55,17 @@ class Nodes:
         p = self.x[self.vertices]
         scale = 0.5 if self.dim == 2 else 1.0 / 6.0
         return scale * np.abs(np.linalg.det(p[:, 1:] - p[:, :1]))
+
+    def smallest_jacobian(self) -> float:
+        """Smallest determinant of the cell maps at the nodes of the owned cells, mm² or mm³ (negative: inverted)."""
+        x = self.x[self.cells]
+        jacobian = np.einsum("kqa,cad->cqdk", self._gradients, x)
+        if self.dim == 2:
+            det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
+        else:
+            det = np.linalg.det(jacobian)
+        oriented = det * self._orientation[:, None]
+        return float(oriented.min()) if oriented.size else np.inf
 
     def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
         """Add the contributions of all ranks at shared vertices: (count,) or (count, k) in, the same out.

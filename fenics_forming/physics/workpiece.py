@@ -146,6 +146,7 @@ class Workpiece:
         corners = basix.geometry(mesh.basix_cell())
         Dx = kin.strain_rate(v, x)
         self._rate_at_vertices = fem.Expression(ufl.sqrt(2 / 3 * ufl.dot(Dx, Dx)), corners)
+        self._gradient_at_vertices = fem.Expression(ufl.grad(v), corners)
         self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
 
     # ------------------------------------------------------------------ numbering and conditions
@@ -219,9 +220,22 @@ class Workpiece:
         nodal[mids] = 0.5 * (nodal[ends[:, 0]] + nodal[ends[:, 1]])
         return nodal
 
+    def set_start(self, velocity: np.ndarray, mean_stress: np.ndarray) -> None:
+        """Take nodal velocities and mean stresses of an earlier solve as the start of the next one."""
+        v = self.nodes.is_vertex
+        self.solution.x.array[self.velocity_dofs] = velocity
+        self.solution.x.array[self.pressure_dofs[v]] = -mean_stress[v]
+        self.is_cold = False
+
     def nodal_rate(self) -> np.ndarray:
         """Effective strain rate at the nodes (nodes,), 1/s."""
         return self.nodes.vertex_mean(self._rate_at_vertices.eval(self.nodes.mesh, self._owned_cells))
+
+    def nodal_velocity_gradient(self) -> np.ndarray:
+        """Velocity gradient at the nodes (nodes, dim, dim), 1/s; row i is the gradient of component i."""
+        dim = self.nodes.dim
+        values = self._gradient_at_vertices.eval(self.nodes.mesh, self._owned_cells)
+        return self.nodes.vertex_mean(values.reshape(-1, dim + 1, dim, dim))
 
     def volume(self) -> float:
         """Volume of the body, mm³ (mm² in plane strain)."""

@@ -42,12 +42,13 @@ class Pieces:
         mean /= np.linalg.norm(mean, axis=1)[:, None]
 
         turns = turns_of(points, closed)
+        fillet = np.broadcast_to(np.asarray(fillet, float), n)
         rounded = (np.abs(turns) > STRAIGHT) & (fillet > 0)
         cut = np.where(rounded, fillet * np.tan(np.abs(turns) / 2), 0.0)
         left = (length - cut - np.roll(cut, -1))[:sides]
         tiny = 1e-12 * np.ptp(points, axis=0).max()
         if left.min() < -tiny:
-            _refuse_fillet(fillet, points, np.argmin(left), length, cut)
+            _refuse_fillet(fillet.max(), points, np.argmin(left), length, cut)
         arc_start, arc_end = points - cut[:, None] * along[before], points + cut[:, None] * along[behind]
 
         first, last = np.arange(sides), (np.arange(sides) + 1) % n
@@ -58,7 +59,7 @@ class Pieces:
         # the centre of a left turn lies on the left
         side = np.sign(turns)[:, None]
         arcs = cls(arc_start, arc_end, normals[before], normals[behind], mean,
-                   arc_start + side * fillet * normals[before], np.full(n, fillet), -side * mean,
+                   arc_start + side * fillet[:, None] * normals[before], fillet, -side * mean,
                    np.cos(turns / 2), turns)
         sides, corners = np.flatnonzero(left > tiny), np.flatnonzero(rounded)
         walk = np.argsort(np.concatenate([2 * sides + 1, 2 * corners]))
@@ -149,7 +150,7 @@ def turns_of(points, closed):
     return turns
 
 
-def _refuse_fillet(fillet, points, side, length, cut):
+def _refuse_fillet(fillet.max(), points, side, length, cut):
     most = fillet * length[side] / (cut[side] + np.roll(cut, -1)[side])
     a, b = points[side].tolist(), points[(side + 1) % len(points)].tolist()
     raise SceneError(f"is {fillet:g} mm; the side from {a} to {b} has room for at most {most:.6g} mm",

@@ -99,15 +99,6 @@ def update_friction_stress(state: PointState, new_slip: np.ndarray, limit: np.nd
     state.slip = new_slip
 
 
-def sticking_response(state: PointState, coefficient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Traction and tangent that hold the slip at zero by the penalty coefficient."""
-    n = state.normal
-    active = np.where(state.active, coefficient, 0.0)
-    held = state.multiplier - np.einsum("pi,pi->p", state.multiplier, n)[:, None] * n
-    traction = np.where(state.active[:, None], held, 0.0) - active[:, None] * state.slip
-    return traction, active[:, None, None] * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :])
-
-
 def cut_to_limit(stress: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """The vectors of ``stress`` shortened where they are longer than ``limit``."""
     length = np.sqrt(np.einsum("pi,pi->p", stress, stress))

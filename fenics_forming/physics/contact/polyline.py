@@ -26,8 +26,8 @@ class Polyline:
     ----------
     points : array (n, 2)
         Vertices in mm.
-    fillet : float
-        Radius in mm that rounds every vertex where the line turns; 0 leaves them sharp.
+    fillet : float or array (n,)
+        Radius in mm that rounds every vertex where the line turns, or one for each vertex; 0 leaves it sharp.
     closed : bool
         Join the last point with the first, which need not be repeated.
 
@@ -58,7 +58,8 @@ class Polyline:
             object.__setattr__(self, name, value)
 
     def __repr__(self):
-        corner = f"fillet {self.fillet:g} mm" if self.fillet else "sharp"
+        radius = np.max(self.fillet)
+        corner = f"fillet {radius:g} mm" if radius else "sharp"
         return (f"Polyline({len(self.points)} points, {'closed' if self.closed else 'open'}, {corner}, "
                 f"length {self._pieces.length().sum():.6g} mm, workpiece on the left)")
 
@@ -90,8 +91,8 @@ class Polyline:
         return clip(vertices, np.stack([first, first + 1], axis=1), low, high)
 
     def corners(self):
-        """Vertices (k, 2) in mm that turn by more than 20 degrees; none with a fillet."""
-        sharp = np.abs(turns_of(self.points, self.closed)) > (np.inf if self.fillet else SHARP)
+        """Vertices (k, 2) in mm that turn by more than 20 degrees and have no fillet."""
+        sharp = (np.abs(turns_of(self.points, self.closed)) > SHARP) & (np.asarray(self.fillet) == 0)
         return self.points[sharp]
 
 
@@ -102,8 +103,8 @@ def solid_polygon(points, *, fillet=0.0):
     ----------
     points : array (n, 2)
         Vertices in mm.
-    fillet : float
-        Radius in mm of all corners, convex and concave; 0 leaves them sharp.
+    fillet : float or array (n,)
+        Radius in mm of all corners, convex and concave, or one for each; 0 leaves it sharp.
 
     Returns
     -------
@@ -117,7 +118,9 @@ def solid_polygon(points, *, fillet=0.0):
     points = _checked_points(points, True)
     x, y = (points - points[0]).T
     area = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2
-    return Polyline(points[::-1] if area > 0 else points, fillet=fillet, closed=True)
+    if area > 0:
+        points, fillet = points[::-1], fillet[::-1] if np.ndim(fillet) else fillet
+    return Polyline(points, fillet=fillet, closed=True)
 
 
 def _grow(pieces):
@@ -154,7 +157,7 @@ def _checked_points(points, closed):
 
 
 def _checked_fillet(fillet):
-    if not (np.isfinite(fillet) and fillet >= 0):
+    if not (np.isfinite(fillet).all() and np.all(np.asarray(fillet) >= 0)):
         raise SceneError(f"is {fillet} mm; a radius, or 0 for sharp corners, is expected", key="fillet",
                          got=fillet, allowed="a radius, or 0 for sharp corners")
-    return float(fillet)
+    return np.asarray(fillet, float) if np.ndim(fillet) else float(fillet)

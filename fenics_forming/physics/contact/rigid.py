@@ -174,6 +174,9 @@ class RigidContact:
         self.facets.set_traction(traction, tangent)
 
     def _limit(self, tool: KnownTool, flow_stress: np.ndarray) -> np.ndarray:
+        if tool.sticks:
+            # sticking is a bound that the material never reaches, since it yields at k; it keeps landing points calm
+            return 2 / np.sqrt(3) * flow_stress
         pressure = tool.state.pressure
         if tool.friction.depends_on_pressure:
             # the pressure at the points of a penalty contact oscillates; its nodal mean does not
@@ -200,8 +203,12 @@ class RigidContact:
         local = tool.motion.torque(self.points, tool.traction * self.weights[:, None])
         return float(self.facets.integral(np.array([local])))
 
+    def nodal_pressure(self) -> np.ndarray:
+        """Contact pressure at the nodes (nodes,), MPa: hat-weighted mean of the pressure at the points."""
+        return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), self.weights)
+
     def powers(self, velocity: np.ndarray) -> dict[str, float]:
-        """Power, mW: given by the tools, lost in friction, taken by the penalty (slip of the sticking one too)."""
+        """Power, mW: given by the tools, lost in friction, taken by the penalty and by landing points."""
         v = self.facets.trace(velocity)
         given = friction = penalty = 0.0
         for tool in self.tools:
@@ -211,10 +218,7 @@ class RigidContact:
             normal = np.einsum("pi,pi->p", relative, state.normal)
             lost = -np.einsum("pi,pi,p->", t, relative, w)
             in_normal = -np.einsum("p,p,p->", state.pressure, normal, w)
-            if tool.sticks:
-                penalty += lost
-            else:
-                penalty += in_normal
-                friction += lost - in_normal
+            penalty += in_normal
+            friction += lost - in_normal
         total = self.facets.integral(np.array([[given, friction, penalty]]))
         return {"tools": float(total[0]), "friction": float(total[1]), "penalty": float(total[2])}

@@ -1,0 +1,157 @@
+"""From the workpiece of a scene to its mesh of order 2."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from ..errors import MeshError
+from ..scene import Scene
+from . import meshing
+
+CORNER_SIZE = 0.25      # of the mesh size, at sharp corners of tools: the flow is singular there
+CORNER_REACH = 2.0      # mesh sizes from the body within which a tool corner counts
+
+
+def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
+    """Mesh of the workpiece, graded to the sharp corners of the tools near it; the mesh size used, mm.
+
+    Raises
+    ------
+    MeshError
+        if the shape cannot be meshed or the file does not hold a body of the scene's dimension.
+    """
+    workpiece = scene.workpiece
+    shape, dim = workpiece.shape, scene.dimension
+    if shape.kind == "file":
+        return _from_file(workpiece, dim, comm)
+    size = workpiece.mesh_size or automatic_size(shape.volume_or_area(), dim)
+    mirrors = _mirrors(scene)
+    corners = _corners_near(shape.bounds(), tools, CORNER_REACH * size, dim)
+    builder = {"rectangle": _outline, "polygon": _outline, "circle": _disk, "box": _box, "cylinder": _cylinder}[shape.kind]
+    mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors), dim, size, corners=corners,
+                            corner_size=CORNER_SIZE * size if len(corners) else None, comm=comm)
+    return mesh, size
+
+
+def automatic_size(volume: float, dim: int) -> float:
+    """Element size that cuts a cube into about 1200 tetrahedra, a square into about 1200 triangles, mm."""
+    return 0.19 * volume ** (1 / 3) if dim == 3 else 0.044 * volume**0.5
+
+
+def _mirrors(scene: Scene) -> tuple[int, ...]:
+    """Axes on which a round body is cut in half: symmetry planes and the axis of rotation."""
+    axes = [scene.axes.index(a) for a in scene.workpiece.symmetry]
+    if scene.geometry == "axisymmetric":
+        axes.append(0)
+    return tuple(axes)
+
+
+def _corners_near(bounds, tools, reach, dim):
+    low, high = np.asarray(bounds)
+    found = [np.asarray(t.surface.corners(), float).reshape(-1, dim) for t in tools]
+    corners = np.concatenate(found) if found else np.empty((0, dim))
+    return corners[((corners >= low - reach) & (corners <= high + reach)).all(axis=1)]
+
+
+# ---------------------------------------------------------------------- shapes in gmsh
+def _outline(gmsh, shape, size, mirrors):
+    geo = gmsh.model.geo
+    pieces = shape.pieces
+    ends = [geo.addPoint(*piece.start, 0.0, size) for piece in pieces]
+    curves = []
+    for k, piece in enumerate(pieces):
+        a, b = ends[k], ends[(k + 1) % len(ends)]
+        if hasattr(piece, "centre"):
+            curves.append(geo.addCircleArc(a, geo.addPoint(*piece.centre, 0.0, size), b))
+        else:
+            curves.append(geo.addLine(a, b))
+    geo.addPlaneSurface([geo.addCurveLoop(curves)])
+    geo.synchronize()
+
+
+def _disk(gmsh, shape, size, mirrors):
+    occ = gmsh.model.occ
+    body = [(2, occ.addDisk(*shape.centre, 0.0, shape.radius, shape.radius))]
+    _keep_high_half(occ, body, np.append(shape.centre, 0.0), shape.radius, [a for a in mirrors if shape.centre[a] < shape.radius])
+
+
+def _box(gmsh, shape, size, mirrors):
+    low, high = np.asarray(shape.bounds())
+    gmsh.model.occ.addBox(*low, *(high - low))
+    gmsh.model.occ.synchronize()
+
+
+def _cylinder(gmsh, shape, size, mirrors):
+    occ = gmsh.model.occ
+    axis = np.asarray(shape.axis, float)
+    axis /= np.linalg.norm(axis)
+    body = [(3, occ.addCylinder(*shape.base, *(shape.height * axis), shape.radius))]
+    round_axes = [a for a in mirrors if abs(axis[a]) < 1e-12]
+    _keep_high_half(occ, body, np.asarray(shape.base, float), 2 * (shape.radius + shape.height), round_axes)
+
+
+def _keep_high_half(occ, body, centre, reach, axes):
+    """Cut away what lies below the centre on the given axes (a mirror plane through a round body)."""
+    for axis in axes:
+        low = centre - 2 * reach
+        extent = np.full(3, 4 * reach)
+        low[axis], extent[axis] = centre[axis] - 4 * reach, 4 * reach
+        body, _ = occ.cut(body, [(3, occ.addBox(*low, *extent))])
+    occ.synchronize()
+
+
+# ---------------------------------------------------------------------- files
+def _from_file(workpiece, dim, comm):
+    path = str(workpiece.shape.file)
+    scale = workpiece.shape.scale
+    if path.endswith(".msh"):
+        return _read_msh(path, scale, dim, comm)
+    size = {}
+
+    def build(gmsh):
+        entities = gmsh.model.occ.importShapes(path)
+        if scale != 1.0:
+            gmsh.model.occ.dilate(entities, 0, 0, 0, scale, scale, scale)
+        gmsh.model.occ.synchronize()
+        if not gmsh.model.getEntities(dim):
+            raise MeshError(f"{path} holds no body of dimension {dim}")
+        volume = sum(gmsh.model.occ.getMass(dim, tag) for _, tag in gmsh.model.getEntities(dim))
+        size["h"] = workpiece.mesh_size or automatic_size(volume, dim)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size["h"])
+
+    mesh = meshing.generate(build, dim, workpiece.mesh_size, comm=comm)
+    return mesh, comm.bcast(size.get("h"), 0)
+
+
+def _read_msh(path, scale, dim, comm):
+    from dolfinx.io import gmshio
+    problem = mesh = None
+    if comm.rank == 0:
+        with meshing.gmsh_model() as gmsh:
+            try:
+                gmsh.merge(path)
+                if not gmsh.model.getEntities(dim):
+                    raise MeshError(f"{path} holds no mesh of dimension {dim}")
+                if not gmsh.model.getPhysicalGroups(dim):
+                    gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)], 1)
+            except Exception as error:  # gmsh raises bare Exceptions
+                problem = f"{path} cannot be read as a mesh: {error}"
+            problem = comm.bcast(problem, 0)
+            if problem is None:
+                mesh = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=dim)[0]
+    else:
+        problem = comm.bcast(None, 0)
+        if problem is None:
+            mesh = gmshio.model_to_mesh(None, comm, 0, gdim=dim)[0]
+    if problem is not None:
+        raise MeshError(problem)
+    if mesh.basix_cell().name not in ("triangle", "tetrahedron"):
+        raise MeshError(f"{path} has cells of kind {mesh.basix_cell().name}; triangles or tetrahedra are needed")
+    mesh.geometry.x[:] *= scale
+    mesh = meshing.order_two(mesh)
+    local = mesh.topology.index_map(dim).size_local
+    p = mesh.geometry.x[mesh.geometry.dofmap[:local, : dim + 1], :dim]
+    sums = np.array([np.linalg.norm(p[:, 1] - p[:, 0], axis=1).sum(), local])
+    sums = comm.allreduce(sums, MPI.SUM)
+    return mesh, float(sums[0] / sums[1])

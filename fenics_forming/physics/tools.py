@@ -1,0 +1,86 @@
+"""From the tools of a scene to their contact surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene import Scene, Tool
+from .contact.rigid import KnownTool
+from .contact.surfaces import Circle, Cylinder, Plane, Sphere
+
+
+def known_tools(scene: Scene) -> list[KnownTool]:
+    """The rigid tools of a scene, ready for contact.
+
+    Raises
+    ------
+    SceneError
+        where a surface cannot be built, with the dotted key.
+    """
+    tools = []
+    for name, tool in scene.tools.items():
+        try:
+            surface = surface_of(tool, scene)
+        except SceneError as error:
+            raise SceneError(str(error), key=f"tools.{name}.shape.{error.key}", got=error.got) from error
+        friction = tool.friction if tool.friction.law != "none" else None
+        tools.append(KnownTool(name, surface, friction))
+    return tools
+
+
+def surface_of(tool: Tool, scene: Scene):
+    """The contact surface of a tool, in its own frame."""
+    shape = tool.shape
+    match shape.kind:
+        case "plane":
+            return Plane(shape.point, shape.normal)
+        case "circle":
+            return Circle(shape.centre, shape.radius, hollow=shape.hollow)
+        case "sphere":
+            return Sphere(shape.centre, shape.radius, hollow=shape.hollow)
+        case "cylinder":
+            return Cylinder(shape.centre, shape.axis, shape.radius, hollow=shape.hollow)
+        case "polyline":
+            from .contact.polyline import Polyline
+            points, fillet = np.asarray(shape.points, float), np.broadcast_to(shape.fillet, len(shape.points))
+            if shape.side == "right":
+                points, fillet = points[::-1], fillet[::-1]
+            return Polyline(points, fillet=fillet.copy())
+        case "rectangle" | "polygon":
+            from .contact.polyline import solid_polygon
+            points, fillet = _past_the_mirrors(shape.corners, shape.radii, tool, scene)
+            return solid_polygon(points, fillet=fillet)
+        case "stl":
+            from .contact.triangulated import Triangulated, read_stl
+            surface = read_stl(shape.path, scale=shape.scale)
+            if any(shape.offset):
+                surface = Triangulated(surface.vertices + np.asarray(shape.offset), surface.triangles)
+            return surface
+    raise SceneError(f"'{shape.kind}' is no tool shape", key="kind", got=shape.kind)
+
+
+def _past_the_mirrors(corners, radii, tool: Tool, scene: Scene):
+    """A closed outline carried on beyond its mirror planes, where its side is no surface of the tool.
+
+    The mirror planes are the low faces named in ``symmetry`` and, in axisymmetry, the axis r = 0.
+    """
+    points, radii = np.asarray(corners, float), np.asarray(radii, float)
+    mirrors = [(scene.axes.index(a), points[:, scene.axes.index(a)].min()) for a in tool.symmetry]
+    if scene.geometry == "axisymmetric" and points[:, 0].min() <= 1e-9 * np.ptp(points, axis=0).max():
+        mirrors.append((0, points[:, 0].min()))
+    for axis, value in dict(mirrors).items():
+        reach = np.ptp(points, axis=0).max()
+        on = np.isclose(points[:, axis], value, atol=1e-9 * reach)
+        out, rounds = [], []
+        n = len(points)
+        for i in range(n):
+            before, behind = on[i - 1], on[(i + 1) % n]
+            beyond = points[i].copy()
+            beyond[axis] -= reach
+            add = [(beyond, 0.0), (points[i], radii[i])] if before and on[i] else \
+                  [(points[i], radii[i]), (beyond, 0.0)] if behind and on[i] else [(points[i], radii[i])]
+            out += [p for p, _ in add]
+            rounds += [r for _, r in add]
+        points, radii = np.array(out), np.array(rounds)
+    return points, radii

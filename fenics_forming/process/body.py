@@ -1,0 +1,179 @@
+"""A flowing body between its tools at a given time: what the time schemes act on."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from ..errors import ConvergenceError
+from ..physics.contact.rigid import RigidContact, ToolMotion
+from ..physics.newton import FlowSolver
+from ..physics.workpiece import Workpiece
+from .integration import Flow
+from .shifting import put_on_tools
+
+
+class FlowingBody:
+    """Workpiece, solver, tools and drives together; implements ``integration.Body``.
+
+    Parameters
+    ----------
+    workpiece : terms and spaces (its ``contact`` may be None)
+    drives : tool name → drive of ``laws.equipment``; tools that are not named rest
+    boundary : (n,) nodes that a tool may touch
+    height_axis : the axis along which the main tool moves; the extent on it makes the characteristic rate
+    temperature : degC, or None
+    """
+
+    def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
+                 temperature: float | None = None):
+        self.workpiece, self.nodes = workpiece, workpiece.nodes
+        self.solver = FlowSolver(workpiece)
+        self.contact: RigidContact | None = workpiece.contact
+        self.tools = self.contact.tools if self.contact is not None else []
+        self._drives, self._boundary, self.height_axis = drives, boundary, height_axis
+        self._temperature = None if temperature is None else np.full(self.nodes.count, float(temperature))
+        self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
+        self.seconds = {"contact search": 0.0, "shifting": 0.0}
+        self.speed = 0.0
+        self.sunk = 0.0
+        self.place(0.0)
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.nodes.x
+
+    # ------------------------------------------------------------------ tools
+    def move_tools(self, time: float) -> None:
+        """Put every tool where its drive has it at ``time``."""
+        for tool in self.tools:
+            tool.motion = motion_of(self._drives.get(tool.name), time, self.nodes.dim)
+
+    def place(self, time: float) -> None:
+        """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it."""
+        start = perf_counter()
+        self.move_tools(time)
+        self.sunk = put_on_tools(self.x, self.tools, self._boundary) if self.tools else 0.0
+        self.seconds["shifting"] += perf_counter() - start
+
+    def search(self, dt: float) -> None:
+        """Closest points of the contact facets; ``dt`` is what contact looks ahead."""
+        if self.contact is None:
+            return
+        start = perf_counter()
+        self.contact.search(self.x, dt, max(self.speed, 1e-30))
+        speed = self.tool_speed()
+        if speed > 0:
+            self.speed = speed
+        self.contact.slip0 = self.contact.slip_regularisation * self.speed
+        self.seconds["contact search"] += perf_counter() - start
+
+    def tool_speed(self) -> float:
+        """Greatest speed of a tool at the contact points, mm/s."""
+        fastest = max((float(np.sqrt((t.state.tool_velocity**2).sum(axis=1)).max(initial=0.0)) for t in self.tools),
+                      default=0.0)
+        comm = self.nodes.comm
+        if comm.size > 1:
+            from mpi4py import MPI
+            fastest = comm.allreduce(fastest, MPI.MAX)
+        return fastest
+
+    def time_to_contact(self, horizon: float) -> float:
+        """Time until the first tool touches a body at rest, s; 0 where one touches already."""
+        first = horizon
+        for tool in self.tools:
+            closing = np.einsum("pi,pi->p", tool.state.tool_velocity, tool.state.normal)
+            near = tool.state.gap <= 1e-6 * self.size
+            coming = closing > 0
+            if (near & coming).any():
+                first = 0.0
+            elif coming.any():
+                first = min(first, float((tool.state.gap[coming] / closing[coming]).min()))
+        comm = self.nodes.comm
+        if comm.size > 1:
+            from mpi4py import MPI
+            first = comm.allreduce(first, MPI.MIN)
+        return max(first, 0.0)
+
+    # ------------------------------------------------------------------ flow
+    def height(self) -> float:
+        """Extent of the body along the working direction, mm."""
+        return float(np.ptp(self.nodes.extents(), axis=0)[self.height_axis])
+
+    def solve(self, time: float, strain: np.ndarray, dt: float) -> Flow:
+        """Flow at ``time`` on the present geometry.
+
+        Raises
+        ------
+        ConvergenceError
+            if a cell is inverted or the velocities do not converge.
+        """
+        if self.inverted():
+            raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try smaller "
+                                   "steps, a coarser mesh near the fold, or stop earlier")
+        self.search(dt)
+        found = self.solver.solve(strain=strain, characteristic_rate=self.speed / self.height(),
+                                  temperature=self._temperature, touching=1e-6 * self.size)
+        return Flow(self.workpiece.velocity, self.workpiece.nodal_rate(), found.iterations)
+
+    def rest(self) -> Flow:
+        """No flow: nothing touches the body yet."""
+        body = self.workpiece
+        body.solution.x.array[:] = 0.0
+        body.is_cold = True
+        return Flow(np.zeros_like(self.x), np.zeros(self.nodes.count), 0)
+
+    @property
+    def temperature(self) -> np.ndarray | None:
+        """Temperature at the nodes (nodes,), degC, or None."""
+        return self._temperature
+
+    def powers(self) -> dict[str, float]:
+        """Powers of the present flow, mW, by name."""
+        w = self.workpiece
+        powers = {"plastic": w.plastic_power(), "body force": w.body_force_power()}
+        if self.contact is None:
+            return powers | {"tools": 0.0, "friction": 0.0, "penalty": 0.0}
+        return powers | self.contact.powers(w.velocity)
+
+    def velocity_gradient(self) -> np.ndarray:
+        return self.workpiece.nodal_velocity_gradient()
+
+    # ------------------------------------------------------------------ mesh quality, going back
+    def inverted(self) -> bool:
+        """Whether a cell has lost its orientation (at its vertices or mid-nodes)."""
+        worst = float(self.nodes.smallest_jacobian())
+        comm = self.nodes.comm
+        if comm.size > 1:
+            from mpi4py import MPI
+            worst = comm.allreduce(worst, MPI.MIN)
+        return not worst > 0.0
+
+    def snapshot(self) -> tuple:
+        """Everything that a failed step must give back."""
+        tools = [(t.motion, [a.copy() for a in vars(t.state).values()]) for t in self.tools]
+        w = self.workpiece
+        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, tools
+
+    def restore(self, snapshot: tuple) -> None:
+        x, solution, tau, cold, tools = snapshot
+        w = self.workpiece
+        self.x[:] = x
+        w.solution.x.array[:], w.tau[:], w.is_cold = solution, tau, cold
+        for tool, (motion, arrays) in zip(self.tools, tools, strict=True):
+            tool.motion = motion
+            for name, value in zip(vars(tool.state), arrays, strict=True):
+                setattr(tool.state, name, value.copy())
+
+
+def motion_of(drive, time: float, dim: int) -> ToolMotion:
+    """Where a drive has its tool at ``time``."""
+    if drive is None:
+        return ToolMotion(np.zeros(dim), np.zeros(dim))
+    centre = drive.rotation_centre
+    axis = drive.rotation_axis
+    return ToolMotion(np.asarray(drive.displacement(time), float), np.asarray(drive.velocity(time), float),
+                      float(drive.angle(time)), float(drive.angular_velocity(time)),
+                      None if centre is None else np.asarray(centre, float),
+                      None if axis is None else np.asarray(axis, float))

@@ -1,0 +1,78 @@
+"""Values of all ranks on rank 0, in the order in which the mesh was given, and back again.
+
+Rows follow ``mesh.geometry.input_global_indices`` and ``mesh.topology.original_cell_index`` (closed up where an
+index is not used), so that what is gathered does not depend on the number of ranks.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+if TYPE_CHECKING:  # results are read without dolfinx
+    from ..physics.nodes import Nodes
+
+
+class Numbering:
+    """Row of every local node and owned cell in the gathered arrays. Making one is collective."""
+
+    def __init__(self, nodes: Nodes):
+        geometry, topology = nodes.mesh.geometry, nodes.mesh.topology
+        self.owned = geometry.index_map().size_local
+        given = np.asarray(geometry.input_global_indices)
+        every = np.sort(_all(nodes.comm, given[: self.owned]))
+        self.node_rows = np.searchsorted(every, given)
+        cells = np.asarray(topology.original_cell_index)[: len(nodes.cells)]
+        self.cell_rows = np.searchsorted(np.sort(_all(nodes.comm, cells)), cells)
+
+
+_numberings: WeakKeyDictionary[Nodes, Numbering] = WeakKeyDictionary()
+
+
+def numbering(nodes: Nodes) -> Numbering:
+    """The `Numbering` of a mesh, made once (collective then)."""
+    if nodes not in _numberings:
+        _numberings[nodes] = Numbering(nodes)
+    return _numberings[nodes]
+
+
+def gather_nodal(nodes: Nodes, values: np.ndarray) -> np.ndarray | None:
+    """Nodal values (count, …) of all ranks in rows: the array on rank 0, None elsewhere. Collective."""
+    rows = numbering(nodes)
+    return _gather(nodes.comm, rows.node_rows[: rows.owned], np.asarray(values)[: rows.owned])
+
+
+def gather_cell_values(nodes: Nodes, values: np.ndarray) -> np.ndarray | None:
+    """Values per owned cell (cells, …) of all ranks in rows: the array on rank 0, None elsewhere. Collective."""
+    return _gather(nodes.comm, numbering(nodes).cell_rows, np.asarray(values))
+
+
+def gather_cells(nodes: Nodes) -> np.ndarray | None:
+    """Rows of the nodes of every cell, (cells, nodes per cell) in basix order: on rank 0, None elsewhere. Collective."""
+    return gather_cell_values(nodes, numbering(nodes).node_rows[nodes.cells])
+
+
+def scatter_nodal(nodes: Nodes, values: np.ndarray | None) -> np.ndarray:
+    """The local part (count, …), ghosts included, of gathered nodal values given on rank 0. Collective."""
+    return nodes.comm.bcast(values, 0)[numbering(nodes).node_rows]
+
+
+def scatter_cell_values(nodes: Nodes, values: np.ndarray | None) -> np.ndarray:
+    """The local part of gathered values per cell given on rank 0: (cells, …). Collective."""
+    return nodes.comm.bcast(values, 0)[numbering(nodes).cell_rows]
+
+
+def _all(comm, values):
+    return np.concatenate(comm.allgather(values)) if comm.size > 1 else values
+
+
+def _gather(comm, rows, values):
+    parts = comm.gather((rows, values), 0)
+    if comm.rank != 0:
+        return None
+    out = np.empty((sum(len(r) for r, _ in parts),) + values.shape[1:], values.dtype)
+    for part_rows, part in parts:
+        out[part_rows] = part
+    return out

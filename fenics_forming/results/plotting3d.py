@@ -1,0 +1,76 @@
+"""Pictures of a body in space, off-screen with pyvista."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from .files import ResultsError
+
+
+def draw(skin, values, label: str, limits, title: str, *, mesh: bool, path: Path | str | None) -> np.ndarray:
+    """Render the skin, with colours where ``values`` (n,) are given, and return the picture (height, width, 3).
+
+    Raises
+    ------
+    ResultsError
+        if there is no display and none can be started.
+    """
+    _have_display()
+    import pyvista
+
+    def poly(points, triangles):
+        return pyvista.PolyData(points, np.insert(triangles, 0, 3, axis=1).ravel())
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(1200, 900))
+    try:
+        plotter.set_background("white")
+        surface = poly(skin.points, skin.triangles)
+        if values is None:
+            plotter.add_mesh(surface, color="lightsteelblue", smooth_shading=False)
+        else:
+            surface[label] = values
+            bar = dict(title=label, color="black", vertical=True, position_x=0.86, position_y=0.2, height=0.6, width=0.06,
+                       n_labels=6, fmt="%.3g", title_font_size=20, label_font_size=20)
+            plotter.add_mesh(surface, scalars=label, clim=limits, cmap="viridis", n_colors=16, smooth_shading=False,
+                             scalar_bar_args=bar)
+        if mesh or mesh is None:
+            sides = np.concatenate(skin.sides())
+            lines = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())
+            plotter.add_mesh(lines, color="black", line_width=1.0, opacity=0.5, lighting=False)
+        plotter.add_text(title, position="upper_left", font_size=11, color="black")
+        plotter.add_axes(color="black", line_width=3)
+        plotter.camera_position = "iso"
+        plotter.enable_parallel_projection()
+        plotter.enable_anti_aliasing("ssaa")
+        plotter.camera.zoom(0.9)
+        if path is not None:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+        return plotter.screenshot(None if path is None else str(path), return_img=True)
+    finally:
+        plotter.close()
+
+
+def _have_display():
+    """Start an X server without a screen where there is none; it ends with this process."""
+    if os.environ.get("DISPLAY") or os.name != "posix":
+        return
+    if shutil.which("Xvfb") is None:
+        raise ResultsError("a picture of a body in space needs a display, and this machine has neither one nor Xvfb; "
+                           "install the package xvfb, or open fields.pvd in ParaView")
+    reading, writing = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
+                              pass_fds=(writing,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(writing)
+    with os.fdopen(reading) as pipe:
+        number = pipe.readline().strip()
+    if not number:
+        raise ResultsError("Xvfb did not start, and a picture of a body in space needs a display; "
+                           "set DISPLAY, or open fields.pvd in ParaView")
+    atexit.register(server.terminate)
+    os.environ["DISPLAY"] = f":{number}"

@@ -1,0 +1,142 @@
+"""What a run says while it runs. The library itself prints nothing: it tells an observer, and this is the one that talks."""
+
+from __future__ import annotations
+
+import sys
+
+WORDS = {"newton_iterations": "Newton", "dt_s": "step", "wall_s": "wall time"}
+UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mm3", "mm2", "mm", "N", "s")
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """``"stroke_upper_mm"`` → ``("stroke upper", "mm")``: the words and the unit in the name of a column or field."""
+    for unit in UNITS:
+        if column.endswith("_" + unit):
+            words = column[: -len(unit) - 1]
+            shown = {"degC": "°C", "N_per_mm": "N/mm", "mm_per_s": "mm/s", "per_s": "1/s", "mm3": "mm³",
+                     "mm2": "mm²", "Nmm": "N mm"}.get(unit, unit)
+            return words.replace("_", " "), shown
+    return column.replace("_", " "), ""
+
+
+class Silent:
+    """An observer that says nothing."""
+
+    def started(self, simulation_info: str) -> None:
+        """The run is built and starts."""
+
+    def step(self, row: dict, limited_by: str) -> None:
+        """A step was accepted: its row of the history, and what limited its size."""
+
+    def note(self, text: str) -> None:
+        """Something worth a line happened, such as a cut step."""
+
+    def finished(self, results) -> None:
+        """The run ended."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        return None
+
+
+class Progress(Silent):
+    """Prints one table row per step on rank 0, with a bar and the time left where stderr is a terminal.
+
+    The rows go to stdout, the bar to stderr.
+
+    Parameters
+    ----------
+    comm : MPI communicator, or None
+    total : where the run ends, in the unit of ``of``; nan or 0 if that is not known: no bar then
+    columns : names of history columns to print; None chooses step, time, strokes, forces, strain and Newton iterations
+        from the first row
+    of : the column that runs up to ``total``; None: the first stroke among the columns, or else the time
+    quiet : print nothing
+    """
+
+    def __init__(self, comm=None, total: float = float("nan"), columns=None, *, of: str | None = None,
+                 quiet: bool = False):
+        self.total, self.columns, self.of = float(total), columns and tuple(columns), of
+        self._speaks = not quiet and (comm is None or comm.rank == 0)
+        self._bar = self._task = None
+        self._widths: list[int] = []
+
+    def __enter__(self):
+        if self._speaks and self.total > 0 and sys.stderr.isatty():
+            self._open_bar()
+        return self
+
+    def __exit__(self, *error):
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def started(self, simulation_info: str) -> None:
+        """Print what was built."""
+        if simulation_info:
+            self._say(str(simulation_info))
+
+    def step(self, row: dict, limited_by: str) -> None:
+        """Print the row and move the bar."""
+        if not self._speaks:
+            return
+        if not self._widths:
+            self._head(row)
+        texts = [_shown(row.get(name)) for name in self.columns]
+        self._say("  ".join(text.rjust(width) for text, width in zip(texts, self._widths)) + "  " + limited_by)
+        if self._bar is not None and self.of in row:
+            self._bar.update(self._task, completed=min(abs(row[self.of]), self.total))
+
+    def note(self, text: str) -> None:
+        """Print a line of its own."""
+        self._say(f"  {text}")
+
+    def finished(self, results) -> None:
+        """Close the bar and print the tree of the results."""
+        self.__exit__()
+        if self._speaks:
+            self._say(repr(results))
+
+    def _head(self, row):
+        self.columns = self.columns or _telling(row)
+        self.of = self.of or next((c for c in self.columns if c.startswith("stroke_")), "time_s")
+        heads = [(WORDS.get(c, name), unit) for c in self.columns for name, unit in [name_and_unit(c)]]
+        self._widths = [max(len(name), len(unit), 9 if unit else 6) for name, unit in heads]
+        for k, last in ((0, "limited by"), (1, "")):
+            line = "  ".join(head[k].rjust(width) for head, width in zip(heads, self._widths))
+            self._say(f"{line}  {last}".rstrip())
+
+    def _say(self, text):
+        if not self._speaks:
+            return
+        if self._bar is not None and sys.stdout.isatty():
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        else:
+            print(text, flush=True)
+
+    def _open_bar(self):
+        from rich import progress
+        from rich.console import Console
+
+        self._bar = progress.Progress(
+            progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("time left"),
+            progress.TimeRemainingColumn(), progress.TextColumn("elapsed"), progress.TimeElapsedColumn(),
+            console=Console(stderr=True), redirect_stdout=False, redirect_stderr=True, transient=True)
+        self._task = self._bar.add_task("run", total=self.total)
+        self._bar.start()
+
+
+def _telling(row):
+    """The columns of a history that a person watches."""
+    wanted = ["step", "time_s"]
+    for start in ("stroke_", "force_", "torque_"):
+        wanted += [c for c in row if c.startswith(start)]
+    return tuple(c for c in wanted + ["max_strain", "max_effective_strain", "newton_iterations"] if c in row)
+
+
+def _shown(value):
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.5g}"

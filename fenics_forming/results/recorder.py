@@ -1,0 +1,231 @@
+"""Turns the state of a run into rows of the history, frames and the summary."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from time import perf_counter, process_time
+
+import numpy as np
+
+from .fields import FieldWriter
+from .files import on_rank_zero, whole_file
+from .history import History
+from .ledger import PowerLedger, VolumeLedger
+from .results import Results
+
+
+class Recorder:
+    """Writes what a run leaves behind.
+
+    Parameters
+    ----------
+    simulation : the run
+    out : folder, or None: rows are kept in memory only
+    resume_after : step after which a resumed run goes on
+    """
+
+    def __init__(self, simulation, out: Path | str | None, *, resume_after: int | None = None):
+        self.run = simulation
+        self.scene, self.comm = simulation.scene, simulation.comm
+        self.out = None if out is None else Path(out)
+        self._began, self._cpu = perf_counter(), process_time()
+        self.seconds = {"output": 0.0}
+        self.row: dict[str, float] = {}
+        self.summary: dict = {}
+        self.volume, self.power = VolumeLedger(simulation.start_volume), PowerLedger()
+        self.iterations, self._last_frame = 0, -1
+        history = None if self.out is None else self.out / "history.csv"
+        self.fields = None
+        if self.out is not None:
+            on_rank_zero(self.comm, lambda: self.out.mkdir(parents=True, exist_ok=True))
+            self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
+            on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
+        if history is not None and resume_after is not None:
+            self.history = History.read(history, self.comm)
+            self.history.truncate_after(resume_after)
+        else:
+            self.history = History(history, self.comm)
+
+    def introduction(self) -> str:
+        """One line on what runs."""
+        run = self.run
+        return (f"{self.scene.title or 'untitled scene'} · {self.scene.geometry} · {self._cells()} cells, {self._dofs()} "
+                f"degrees of freedom · {self.comm.size} rank{'s' * (self.comm.size > 1)} · built in "
+                f"{run.seconds_to_build:.1f} s")
+
+    # ------------------------------------------------------------------ a step
+    def step(self, state, limited_by: str, wall: float) -> None:
+        """Record an accepted step: its row, and a frame and a checkpoint where they are due."""
+        self.row = self._row(state, wall)
+        self.history.append(self.row)
+        self.iterations += state.flow.iterations
+        if self.out is None:
+            return
+        start = perf_counter()
+        every = self.scene.output.fields_every
+        due = state.step == 0 or (every and state.step % every == 0)
+        stroke = self.row.get(f"stroke_{self.scene.counting_tool}_mm", np.nan)
+        if due or any(abs(stroke - s) < 1e-9 * max(1.0, s) for s in self.scene.output.strokes):
+            self._frame(state)
+        every = self.scene.output.checkpoint_every
+        if every and state.step and state.step % every == 0:
+            self.run.save(self.out / "checkpoint.npz", state)
+        self.seconds["output"] += perf_counter() - start
+
+    def _row(self, state, wall: float) -> dict[str, float]:
+        run, scene, body = self.run, self.scene, self.run.body
+        name, unit = scene.workpiece_name, "N_per_mm" if scene.geometry == "plane_strain" else "N"
+        row: dict[str, float] = {"step": state.step, "time_s": state.time, "dt_s": state.dt}
+        for tool in scene.driven_tools:
+            row[f"stroke_{tool}_mm"] = float(scene.tools[tool].drive.travel(state.time))
+        for tool in body.tools:
+            row[f"force_{tool.name}_{unit}"] = self._force(tool)
+        for tool in body.tools:
+            if tool.motion.centre is not None:
+                row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self._copies(None)
+        copies = self._copies(None)
+        volume = body.workpiece.volume()
+        row[f"volume_{name}_mm3"] = volume * copies
+        row[f"volume_error_{name}"] = self.volume.error(volume)
+        row["power_imbalance"] = self.power.imbalance(body)
+        row["max_effective_strain"] = self._maximum(state.strain)
+        row["newton_iterations"] = state.flow.iterations
+        row["wall_s"] = wall
+        for label, point in run.points.items():
+            for axis, value in zip(scene.axes, point.value(run.nodes.x), strict=True):
+                row[f"{label}_{axis}_mm"] = float(value)
+            row[f"{label}_effective_strain"] = float(point.value(state.strain))
+            row[f"{label}_mean_stress_MPa"] = float(point.value(body.workpiece.mean_stress))
+            if scene.workpiece.temperature is not None:
+                row[f"{label}_temperature_degC"] = scene.workpiece.temperature
+        return row
+
+    def force_of(self, tool: str) -> float:
+        """Force of a tool in the last row, N (N/mm in plane strain)."""
+        return next(v for k, v in self.row.items() if k.startswith(f"force_{tool}_N"))
+
+    def _force(self, tool) -> float:
+        """Force with which a tool pushes on the whole body, positive along its working direction."""
+        direction = self._working_direction(tool)
+        return float(self.run.body.contact.force(tool) @ direction) * self._copies(direction)
+
+    def _working_direction(self, tool) -> np.ndarray:
+        """Direction in which a tool pushes: that of its drive; at rest, or only turning, towards the body."""
+        drive = self.scene.tools[tool.name].drive
+        if drive is not None and drive.direction is not None:
+            return np.asarray(drive.direction, float)
+        low, high = self.run.nodes.extents()
+        gap, normal = tool.gap(np.array([0.5 * (low + high)]))
+        axis = int(np.argmax(np.abs(normal[0])))
+        return np.sign(normal[0, axis]) * np.eye(len(low))[axis]
+
+    def _copies(self, direction) -> int:
+        """Parts of the whole body that the mesh stands for; with a direction, those on which the same tool pushes.
+
+        A mirror plane across the direction of the force has another tool on its far side.
+        """
+        axes = [self.scene.axes.index(a) for a in self.scene.workpiece.symmetry]
+        return 2 ** sum(direction is None or abs(direction[a]) < 0.5 for a in axes)
+
+    def _maximum(self, nodal) -> float:
+        local = float(nodal.max())
+        return self.comm.allreduce(local, _max()) if self.comm.size > 1 else local
+
+    def _frame(self, state) -> None:
+        if state.step == self._last_frame:
+            return
+        self._last_frame = state.step
+        run, w = self.run, self.run.body.workpiece
+        rate = np.maximum(state.flow.rate, float(w.rate0.value))
+        temperature = run.body.temperature
+        data = {"velocity_mm_per_s": w.velocity, "effective_strain": state.strain,
+                "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
+                "flow_stress_MPa": np.broadcast_to(w.law(state.strain, rate, temperature), state.strain.shape),
+                "contact_pressure_MPa": run.body.contact.nodal_pressure()}
+        if temperature is not None:
+            data["temperature_degC"] = temperature
+        self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data)
+
+    # ------------------------------------------------------------------ the end
+    def finish(self, state, why: str) -> None:
+        """Last frame, checkpoint and summary, also of a run that failed."""
+        start = perf_counter()
+        if self.out is not None:
+            self._frame(state)
+            if self.scene.output.checkpoint_every:
+                self.run.save(self.out / "checkpoint.npz", state)
+        self.seconds["output"] += perf_counter() - start
+        self.summary = self._summary(why)
+        if self.out is not None:
+            text = json.dumps(self.summary, indent=2)
+
+            def write():
+                with whole_file(self.out / "summary.json") as partial:
+                    Path(partial).write_text(text + "\n", encoding="utf-8")
+
+            on_rank_zero(self.comm, write)
+
+    def results(self) -> Results:
+        return Results(self.out, scene=self.scene, history=self.history, summary=self.summary)
+
+    def _summary(self, why: str) -> dict:
+        run, body, scene = self.run, self.run.body, self.scene
+        low, high = run.nodes.extents()
+        wall = perf_counter() - self._began
+        parts = {**body.solver.seconds, **body.seconds, **self.seconds}
+        parts["other"] = max(0.0, wall - sum(parts.values()))
+        solves = run.solves
+        return {
+            "title": scene.title, "stopped": why, "versions": versions(), "ranks": self.comm.size,
+            "cells": self._cells(), "dofs": self._dofs(),
+            "parts_built": self._parts(),
+            "extents_mm": {scene.workpiece_name: {a: [float(lo), float(hi)] for a, lo, hi in
+                                                  zip(scene.axes, low, high, strict=True)}},
+            "ledger": {"volume": self.volume.summary(), "power": self.power.summary()},
+            "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
+            "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": 0,
+            "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
+            "wall_s_by_part": parts,
+            "share_outside_assembly_and_solve": 1.0 - (parts["assembly"] + parts["linear solve"]) / wall if wall else 0.0,
+            "peak_memory_MB": _peak_memory(self.comm), "warnings": list(run.warnings),
+        }
+
+    def _parts(self) -> list[str]:
+        w = self.run.body.workpiece
+        friction = [f"friction {t.name}: {t.friction.law}" for t in self.run.body.tools if t.has_friction]
+        return [f"term {name}" for name in w.terms] + friction + [f"scheme {self.run.scheme.name}"]
+
+    def _cells(self) -> int:
+        topology = self.run.nodes.mesh.topology
+        return int(topology.index_map(topology.dim).size_global)
+
+    def _dofs(self) -> int:
+        return int(self.run.body.workpiece.space.dofmap.index_map.size_global)
+
+
+def versions() -> dict[str, str]:
+    """Versions of the package and of what it stands on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    import dolfinx
+
+    from .. import __version__
+    found = {"fenics_forming": __version__, "dolfinx": dolfinx.__version__}
+    for name in ("numpy", "petsc4py", "gmsh"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _max():
+    from mpi4py import MPI
+    return MPI.MAX
+
+
+def _peak_memory(comm) -> list[float]:
+    """Peak resident memory of every rank, MB."""
+    import resource
+    return comm.allgather(round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1))

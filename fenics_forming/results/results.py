@@ -1,0 +1,230 @@
+"""What a run leaves behind, in memory or read from its folder."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ..units import format_quantity
+from .fields import read_frames
+from .files import ResultsError, on_rank_zero, whole_file
+from .history import History
+
+
+class Results:
+    """History, summary, scene and frames of one run.
+
+    Parameters
+    ----------
+    folder : folder of the run, or None for a run that wrote nothing
+    scene : the scene; None: read from ``scene.toml`` when asked for
+    history, summary : as in the folder; None: read when asked for
+    """
+
+    def __init__(self, folder: Path | str | None, scene=None, history: History | None = None,
+                 summary: dict | None = None):
+        self.folder = None if folder is None else Path(folder)
+        for name, value in dict(scene=scene, history=history, summary=summary).items():
+            if value is not None:
+                self.__dict__[name] = value
+
+    @classmethod
+    def read(cls, folder: Path | str) -> Results:
+        """The results in a folder.
+
+        Raises
+        ------
+        ResultsError
+            if there is no history in it.
+        """
+        results = cls(folder)
+        if not (results.folder / "history.csv").exists():
+            raise ResultsError(f"'{folder}' holds no results: it has no history.csv; name the folder given to --out")
+        return results
+
+    @cached_property
+    def history(self) -> History:
+        """The table of the steps."""
+        path = self._file("history.csv")
+        return History() if path is None else History.read(path)
+
+    @cached_property
+    def summary(self) -> dict:
+        """Numbers of the whole run, as in ``summary.json``; empty if the run has not ended."""
+        path = self._file("summary.json")
+        try:
+            return {} if path is None else json.loads(path.read_text(encoding="utf-8"))
+        except json.JSONDecodeError as error:
+            raise ResultsError(f"'{path}' is not JSON: {error}") from None
+
+    @cached_property
+    def scene(self):
+        """The scene of the run, or None if the folder has none."""
+        from ..scene import read_scene
+
+        path = self._file("scene.toml")
+        return None if path is None else read_scene(path)
+
+    @property
+    def frames(self) -> list[tuple[float, Path]]:
+        """(time in s, path of the ``.vtu`` file) of every frame; several bodies have one entry each."""
+        return [] if self.folder is None else read_frames(self.folder)
+
+    @property
+    def title(self) -> str:
+        """Title of the scene, or name of the folder."""
+        title = getattr(self.scene, "title", "") if self.scene is not None else ""
+        return title or (self.folder.name if self.folder is not None else "run")
+
+    # ------------------------------------------------------------------ per tool
+    @property
+    def tools(self) -> tuple[str, ...]:
+        """Names of the tools in the history."""
+        names = (re.fullmatch(r"(?:stroke_(.+)_mm)|(?:force_(.+?)_N(?:_per_mm)?)", c) for c in self.history.columns)
+        return tuple(dict.fromkeys(m[1] or m[2] for m in names if m))
+
+    def main_tool(self, tool: str | None = None) -> str:
+        """``tool``, or the tool that travels farthest.
+
+        Raises
+        ------
+        ResultsError
+            if the history has no such tool.
+        """
+        if tool is None and self.tools:
+            travel = lambda name: np.ptp(self.stroke(name)) if f"stroke_{name}_mm" in self.history.columns else -1.0  # noqa: E731
+            return max(self.tools, key=travel)
+        if tool not in self.tools:
+            raise ResultsError(f"the history has no tool '{tool}'; its tools are {', '.join(self.tools) or 'none'}")
+        return tool
+
+    def stroke(self, tool: str | None = None) -> np.ndarray:
+        """Stroke of a tool at the end of every step, (steps,), mm."""
+        return self.history.column(f"stroke_{self.main_tool(tool)}_mm")
+
+    def force(self, tool: str | None = None) -> np.ndarray:
+        """Force of a tool in every step, (steps,), in :meth:`force_unit`; positive when it pushes."""
+        return self.history.column(self._force_column(self.main_tool(tool)))
+
+    def force_unit(self, tool: str | None = None) -> str:
+        """"N", or "N/mm" in plane strain."""
+        return "N/mm" if self._force_column(self.main_tool(tool)).endswith("_per_mm") else "N"
+
+    def at(self, *, stroke: float | None = None, time: float | None = None, tool: str | None = None) -> dict:
+        """The row at a stroke (mm) of a tool or at a time (s), interpolated linearly between two steps.
+
+        Where the stroke is reached twice, the first time counts.
+
+        Raises
+        ------
+        ResultsError
+            if the run never was there.
+        """
+        if (stroke is None) == (time is None):
+            raise ResultsError("at() takes a stroke or a time: at(stroke=5.0) or at(time=0.1)")
+        wanted = stroke if time is None else time
+        values = self.stroke(tool) if time is None else self.history.column("time_s")
+        unit = "mm" if time is None else "s"
+        slack = 1e-9 * max(1.0, abs(wanted))
+        hits = np.flatnonzero(np.abs(values - wanted) <= slack)
+        between = np.flatnonzero((values[:-1] - wanted) * (values[1:] - wanted) < 0)
+        if len(hits) and (not len(between) or hits[0] <= between[0]):
+            return dict(self.history.rows[hits[0]])
+        if not len(between):
+            reach = f"from {values.min():.6g} to {values.max():.6g} {unit}" if len(values) else "over no step"
+            raise ResultsError(f"the run was never at {wanted:g} {unit}; its history goes {reach}")
+        low, high = (self.history.rows[between[0] + k] for k in (0, 1))
+        part = (wanted - values[between[0]]) / (values[between[0] + 1] - values[between[0]])
+        return {name: low[name] + part * (high[name] - low[name]) for name in self.history.columns}
+
+    # ------------------------------------------------------------------ seen
+    def plot(self, *, tool: str | None = None, path: Path | str | None = None):
+        """Force over stroke; see :func:`fenics_forming.results.plotting.plot_force_stroke`."""
+        from .plotting import plot_force_stroke
+
+        return plot_force_stroke(self, tool=tool, path=path)
+
+    def __repr__(self):
+        lines = _facts(self)
+        width = max((len(name) for name, _ in lines), default=0)
+        where = f" in {self.folder}" if self.folder is not None else ""
+        joints = ["├─ "] * (len(lines) - 1) + ["└─ "] * bool(lines)
+        return "\n".join([f"Results{where}"] + [f"{j}{name:<{width}}  {text}" for j, (name, text) in zip(joints, lines)])
+
+    def _force_column(self, tool):
+        return next((c for c in self.history.columns if c in (f"force_{tool}_N", f"force_{tool}_N_per_mm")),
+                    f"force_{tool}_N")
+
+    def _file(self, name):
+        if self.folder is None or not (self.folder / name).exists():
+            return None
+        return self.folder / name
+
+
+def write_summary(folder: Path | str, summary: dict, comm=None) -> None:
+    """Write ``summary.json``, numpy numbers and arrays as plain ones. Collective."""
+    path = Path(folder) / "summary.json"
+
+    def write():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as partial:
+            partial.write_text(json.dumps(summary, indent=2, default=_plain) + "\n", encoding="utf-8")
+
+    on_rank_zero(comm, write)
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
+
+
+def _facts(results):
+    """(name, text) of everything worth a line in the tree."""
+    history, summary, facts = results.history, results.summary, []
+    if results.scene is not None:
+        facts.append(("scene", f"{results.title} ({results.scene.geometry})"))
+    if len(history):
+        last = history.rows[-1]
+        facts.append(("steps", f"{len(history)}, until {last['time_s']:.6g} s" if "time_s" in last else len(history)))
+        facts += [(tool, _tool_facts(results, tool)) for tool in results.tools]
+        facts += [(name[len("volume_error_"):], f"volume error {value:.2e}")
+                  for name, value in last.items() if name.startswith("volume_error_")]
+        facts += [("Newton", f"{iterations:.1f} iterations per solve") for iterations in _newton(results)]
+        facts += [("wall time", _duration(w)) for w in [summary.get("wall_s", last.get("wall_s"))] if w is not None]
+    else:
+        facts.append(("steps", "none yet"))
+    if results.frames:
+        facts.append(("frames", f"{len({time for time, _ in results.frames})} in fields.pvd"))
+    if summary.get("stopped"):
+        facts.append(("stopped", summary["stopped"]))
+    return facts
+
+
+def _tool_facts(results, tool):
+    parts, columns = [], results.history.columns
+    if f"stroke_{tool}_mm" in columns:
+        parts.append(f"stroke {format_quantity(results.stroke(tool)[-1], 'mm')}")
+    if results._force_column(tool) in columns and np.isfinite(results.force(tool)).any():
+        largest = np.nanargmax(np.abs(results.force(tool)))
+        at = f" at {format_quantity(results.stroke(tool)[largest], 'mm')}" if parts else ""
+        force = format_quantity(float(f"{results.force(tool)[largest]:.4g}"), results.force_unit(tool))
+        parts.append(f"largest force {force}{at}")
+    return ", ".join(parts)
+
+
+def _newton(results):
+    if "newton_per_solve" in results.summary:
+        return [results.summary["newton_per_solve"]]
+    if "newton_iterations" in results.history.columns:
+        return [float(np.mean(results.history.column("newton_iterations")))]
+    return []
+
+
+def _duration(seconds):
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, seconds = divmod(round(seconds), 60)
+    return f"{minutes} min {seconds} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,165 @@
+"""Cross checks of a scene, before any mesh: names, dimensions, steps and stop, capabilities. Places: `placement.py`."""
+
+import math
+
+from ..errors import SceneError
+from ..laws.described import unknown_word
+from .placement import placement_problems, placement_warnings
+
+_HEAT = ("conductivity", "specific_heat", "plastic_heat_fraction")
+_ELASTIC = ("young", "poisson", "yield_stress", "hardening", "expansion")
+
+
+def check(scene):
+    """Whether the scene makes sense as a whole.
+
+    Returns
+    -------
+    list of str : warnings, one sentence each, with the dotted key in front.
+
+    Raises
+    ------
+    SceneError with one line (and one entry in `problems`) for everything that cannot be run.
+    """
+    problems = [*_name_problems(scene), *_dimension_problems(scene), *_file_problems(scene)]
+    if not problems:  # places can be compared only when every vector has the dimension of the scene
+        problems = [*_law_problems(scene), *_step_problems(scene), *placement_problems(scene)]
+    if problems:
+        raise SceneError.joined(problems)
+    return [*_unused(scene), *placement_warnings(scene)]
+
+
+def _name_problems(scene):
+    if len(scene.workpieces) != 1:
+        count = len(scene.workpieces) or "no"
+        yield SceneError(f"{count} workpieces are given; a run needs exactly one", key="workpieces", allowed=1)
+    for name, body in scene.workpieces.items():
+        if body.material not in scene.materials:
+            yield _unknown_name(f"workpieces.{name}.material", body.material, "material", scene.materials)
+    for name, point in scene.points.items():
+        if point.body not in scene.workpieces:
+            yield _unknown_name(f"points.{name}.body", point.body, "workpiece", scene.workpieces)
+    if scene.steps.tool is not None and scene.steps.tool not in scene.tools:
+        yield _unknown_name("steps.tool", scene.steps.tool, "tool", scene.tools)
+
+
+def _unknown_name(key, name, what, names):
+    return unknown_word(f"'{name}' is not the name of a {what}", name, names, key)
+
+
+def _dimension_problems(scene):
+    def compare(key, found):
+        if found is not None and found != scene.dimension:
+            sentence = (
+                f"is {found}-dimensional; '{scene.geometry}' has the {scene.dimension} axes {', '.join(scene.axes)}"
+            )
+            yield SceneError(sentence, key=key, got=found, allowed=scene.dimension)
+
+    for name, body in scene.workpieces.items():
+        yield from compare(f"workpieces.{name}.shape", body.shape.dimension)
+        yield from _symmetry_problems(scene, f"workpieces.{name}.symmetry", body.symmetry)
+    for name, tool in scene.tools.items():
+        yield from compare(f"tools.{name}.shape", tool.shape.dimension)
+        yield from _symmetry_problems(scene, f"tools.{name}.symmetry", tool.symmetry)
+        if tool.drive is not None:
+            yield from compare(f"tools.{name}.drive", tool.drive.dimension)
+            if scene.geometry == "axisymmetric" and tool.drive.rotation_centre is not None:
+                sentence = "turns the tool out of its axisymmetry; expected a drive without rotation"
+                yield SceneError(
+                    sentence, key=f"tools.{name}.drive", got=tool.drive, allowed="a drive without rotation"
+                )
+    for name, point in scene.points.items():
+        yield from compare(f"points.{name}.at", len(point.at))
+
+
+def _symmetry_problems(scene, key, symmetry):
+    allowed = [axis for axis in scene.axes if axis != "r"]
+    for axis in symmetry:
+        if axis == "r":
+            yield SceneError("'r' needs no mirror plane: the body turns about the axis; allowed: z", key=key, got=axis)
+        elif axis not in allowed:
+            yield unknown_word(f"'{axis}' is not an axis of '{scene.geometry}'", axis, allowed, key)
+
+
+def _file_problems(scene):
+    for group in ("workpieces", "tools"):
+        for name, part in getattr(scene, group).items():
+            file = part.shape.file
+            if file is not None and not file.is_file():
+                sentence = f"the file '{file}' does not exist (paths are relative to the scene file)"
+                yield SceneError(
+                    sentence, key=f"{group}.{name}.shape.path", got=str(file), allowed="a file that exists"
+                )
+
+
+def _law_problems(scene):
+    for name, body in scene.workpieces.items():
+        law = scene.materials[body.material].flow_stress
+        if law is None:
+            sentence = f"is missing; the workpiece '{name}' is made of '{body.material}' and flows"
+            yield SceneError(sentence, key=f"materials.{body.material}.flow_stress", allowed="a flow-stress law")
+        elif law.depends_on_temperature and body.temperature is None:
+            sentence = f"is missing; the law '{law.law}' of the material '{body.material}' depends on temperature"
+            yield SceneError(
+                sentence, key=f"workpieces.{name}.temperature", allowed="a temperature such as '1150 degC'"
+            )
+
+
+def _step_problems(scene):
+    if not scene.driven_tools:
+        what = "no tool moves" if scene.tools else "there is no tool"
+        yield SceneError(f"{what}; expected at least one with a 'drive'", key="tools", allowed="a driven tool")
+        return
+    name = scene.counting_tool
+    drive, steps, stop = scene.tools[name].drive, scene.steps, scene.stop
+    if drive is None or not drive.moves:
+        sentence = (
+            f"the tool '{name}' does not move, so that it has no stroke; allowed: {', '.join(scene.driven_tools)}"
+        )
+        yield SceneError(sentence, key="steps.tool", got=name, allowed=scene.driven_tools)
+        return
+    if drive.direction is None:
+        needed = {"steps.stroke": steps.stroke, "stop.stroke": stop.stroke, "stop.height": stop.height}
+        for key in (key for key, value in needed.items() if value is not None):
+            sentence = f"the tool '{name}' only rotates and has no stroke; expected steps.time and stop.time"
+            yield SceneError(sentence, key=key, got=needed[key], allowed="times")
+        if scene.output.strokes:
+            sentence = f"the tool '{name}' only rotates and has no stroke; expected no 'strokes'"
+            yield SceneError(sentence, key="output.strokes", got=scene.output.strokes, allowed="nothing")
+        return
+    yield from _size_problems(scene, drive, name)
+
+
+def _size_problems(scene, drive, name):
+    steps, stop = scene.steps, scene.stop
+    for key in ("stroke", "time"):
+        size, end = getattr(steps, key), getattr(stop, key)
+        if size is not None and end is not None and size > end:
+            sentence = f"{size:g} is larger than stop.{key} {end:g}; the run would end within its first step"
+            yield SceneError(sentence, key=f"steps.{key}", got=size, allowed=f"at most {end:g}")
+    only_stroke = stop.time is None and stop.force is None and stop.height is None
+    if stop.stroke is not None and only_stroke and math.isinf(drive.time_of_travel(stop.stroke)):
+        reach = drive.travel(1e30)
+        sentence = f"{stop.stroke:g} mm is never reached: the table of the tool '{name}' ends after {reach:g} mm"
+        yield SceneError(sentence, key="stop.stroke", got=stop.stroke, allowed=f"at most {reach:g}")
+    for stroke in scene.output.strokes:
+        if stop.stroke is not None and stroke > stop.stroke:
+            sentence = f"{stroke:g} mm lies behind stop.stroke {stop.stroke:g} mm"
+            yield SceneError(sentence, key="output.strokes", got=stroke, allowed=f"at most {stop.stroke:g}")
+
+
+def _unused(scene):
+    used = {body.material for body in scene.workpieces.values()}
+    for name, material in scene.materials.items():
+        if name not in used:
+            yield f"materials.{name}: no body is made of it"
+            continue
+        for keys, why in ((_HEAT, "temperatures are not computed"), (_ELASTIC, "elastic strains are not computed")):
+            for key in keys:
+                if getattr(material, key) is not None:
+                    yield f"materials.{name}.{key}: has no effect, {why} in this run"
+    for name, body in scene.workpieces.items():
+        if body.remesh is not None:
+            yield f"workpieces.{name}.remesh: remeshing is not available yet; the mesh will not be renewed in this run"
+        if body.temperature is not None and not scene.materials[body.material].flow_stress.depends_on_temperature:
+            yield f"workpieces.{name}.temperature: has no effect, the flow stress does not depend on temperature"

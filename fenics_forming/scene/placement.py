@@ -1,0 +1,190 @@
+"""Where the bodies, tools and points of a scene are: overlaps, mirror planes, mesh sizes. Samples, no mesh."""
+
+import numpy as np
+
+from ..errors import SceneError
+
+TOLERANCE = 1e-6
+"""Of lengths, relative to the size of the body."""
+
+MOST_DOFS = {2: 5e6, 3: 2e6}
+"""More unknowns than these are refused: a direct solver would need more memory than a large machine has."""
+
+
+def placement_problems(scene):
+    """SceneErrors of what lies where it cannot."""
+    for name, body in scene.workpieces.items():
+        key = f"workpieces.{name}"
+        if body.shape.file is not None:
+            continue
+        size = float(np.ptp(body.shape.bounds(), axis=0).max())
+        if scene.geometry == "axisymmetric" and body.shape.bounds()[0, 0] < -TOLERANCE * size:
+            low = body.shape.bounds()[0, 0]
+            yield SceneError(
+                f"reaches r = {low:g} mm; the radius r is not negative", key=f"{key}.shape", got=float(low)
+            )
+            continue
+        yield from _mirror_problems(scene, key, body, size)
+        yield from _mesh_size_problems(scene, key, body)
+        yield from _overlap_problems(scene, name, body, size)
+        yield from _stop_problems(scene, body, size)
+        yield from _point_problems(scene, name, body, size)
+
+
+def placement_warnings(scene):
+    """Sentences about what lies where it is probably not meant to."""
+    for name, body in scene.workpieces.items():
+        if body.shape.file is not None:
+            continue
+        extent = np.ptp(body.shape.bounds(), axis=0)
+        if body.mesh_size is not None and body.mesh_size > extent.min():
+            yield f"workpieces.{name}.mesh_size: is larger than the smallest extent of the body, {extent.min():g} mm"
+        samples = body.shape.boundary_points(extent.max() / 400)
+        for tool_name in scene.driven_tools:
+            shape = scene.tools[tool_name].shape
+            if shape.file is None and (gap := float(-shape.depth(samples).max())) > extent.max():
+                yield f"tools.{tool_name}.shape: starts {gap:.3g} mm away from the body, more than the body is large"
+    if len(scene.tools) == 1:
+        yield from _unopposed(scene)
+
+
+def estimated_dofs(dimension, measure, mesh_size):
+    """Unknowns of a P2-P1 mesh of equilateral cells of size h: 10.4 A / h^2 in 2-D, 35 V / h^3 in 3-D.
+
+    2-D: 2.31 A/h^2 triangles with 4.5 unknowns each; 3-D: 1200 tetrahedra in a cube at h = 0.19 V^(1/3)
+    (FORMULATION.md 8) with 4.3 unknowns each.
+    """
+    return 10.4 * measure / mesh_size**2 if dimension == 2 else 35 * measure / mesh_size**3
+
+
+def _mirror_problems(scene, key, body, size):
+    low = body.shape.bounds()[0]
+    planes = [(scene.axes.index(axis), axis) for axis in body.symmetry]
+    for number, axis in planes:
+        if not _has_flat_low_face(body.shape, number, low[number], size):
+            sentence = f"'{axis}': the body has no flat low face on this axis, which would be the mirror plane"
+            yield SceneError(sentence, key=f"{key}.symmetry", got=axis, allowed="axes with a flat low face")
+    if scene.geometry == "axisymmetric" and low[0] <= TOLERANCE * size:
+        planes = [(0, "r"), *planes]
+    if not hasattr(body.shape, "corners"):
+        return
+    for corner, radius in zip(body.shape.corners, body.shape.radii, strict=True):
+        for number, axis in planes:
+            if radius > 0 and corner[number] <= low[number] + TOLERANCE * size:
+                where = "axis of rotation" if axis == "r" else f"mirror plane of '{axis}'"
+                at = ", ".join(f"{x:g}" for x in corner)
+                sentence = f"would round the corner ({at}) on the {where}; give one radius for each corner, 0 there"
+                yield SceneError(sentence, key=f"{key}.shape.fillet", got=body.shape.fillet, allowed="0 there")
+                return
+
+
+def _has_flat_low_face(shape, number, low, size):
+    if hasattr(shape, "corners"):
+        on_plane = np.abs(shape.corners[:, number] - low) <= TOLERANCE * size
+        return bool(np.any(on_plane & np.roll(on_plane, -1)))
+    if shape.kind == "cylinder":
+        return bool(np.abs(np.array(shape.axis)[number]) > (1 - 1e-12) * np.linalg.norm(shape.axis))
+    return shape.kind == "box"
+
+
+def _mesh_size_problems(scene, key, body):
+    if body.mesh_size is None:
+        return
+    extent = float(np.ptp(body.shape.bounds(), axis=0).max())
+    dofs = estimated_dofs(scene.dimension, body.shape.volume_or_area(), body.mesh_size)
+    if body.mesh_size > extent:
+        sentence = f"{body.mesh_size:g} mm is larger than the body, {extent:g} mm"
+        yield SceneError(sentence, key=f"{key}.mesh_size", got=body.mesh_size, allowed=f"below {extent:g}")
+    elif dofs > MOST_DOFS[scene.dimension]:
+        most = MOST_DOFS[scene.dimension]
+        power = 1 / scene.dimension
+        least = body.mesh_size * (dofs / most) ** power
+        sentence = (
+            f"{body.mesh_size:g} mm is too fine: about {dofs:.2g} unknowns, more than {most:.0g};"
+            f" expected at least {least:.2g} mm"
+        )
+        yield SceneError(sentence, key=f"{key}.mesh_size", got=body.mesh_size, allowed=f"at least {least:.2g}")
+
+
+def _overlap_problems(scene, name, body, size):
+    samples = body.shape.boundary_points(size / 400)
+    for tool_name, tool in scene.tools.items():
+        if tool.shape.file is not None:
+            continue
+        # arcs are compared as polygons of 72 sides a turn, whose sides lie 0.1 % of the radius inside
+        slack = TOLERANCE * size + 1e-3 * max(_largest_radius(tool.shape), _largest_radius(body.shape))
+        depth = tool.shape.depth(samples)
+        worst, point = depth.max(), samples[depth.argmax()]
+        if hasattr(tool.shape, "boundary_points") and hasattr(body.shape, "depth"):
+            corners = tool.shape.boundary_points(size / 400)
+            inside = body.shape.depth(corners)
+            if inside.max() > worst:
+                worst, point = inside.max(), corners[inside.argmax()]
+        if worst > slack:
+            at = ", ".join(f"{x:.4g}" for x in point)
+            sentence = (
+                f"overlaps the workpiece '{name}' at the start, {worst:.3g} mm deep at ({at});"
+                " move it, or turn its normal or side towards the workpiece"
+            )
+            yield SceneError(sentence, key=f"tools.{tool_name}.shape", got=float(worst), allowed="no overlap")
+
+
+def _largest_radius(shape):
+    return float(np.max(shape.fillet)) if hasattr(shape, "fillet") else 0.0
+
+
+def _stop_problems(scene, body, size):
+    name = scene.counting_tool
+    drive = scene.tools[name].drive if name is not None else None
+    if drive is None or drive.direction is None:
+        return
+    height = float(np.ptp(body.shape.boundary_points(size / 100) @ drive.direction))
+    if scene.stop.height is not None and scene.stop.height >= height:
+        sentence = f"{scene.stop.height:g} mm is not below the height at the start, {height:g} mm"
+        yield SceneError(sentence, key="stop.height", got=scene.stop.height, allowed=f"below {height:g}")
+    number = int(np.argmax(np.abs(drive.direction)))
+    along_axis = drive.direction[number] < -1 + 1e-12 and scene.axes[number] in body.symmetry
+    shape = scene.tools[name].shape
+    if scene.stop.stroke is not None and along_axis and shape.kind == "plane":
+        reach = shape.point[number] - body.shape.bounds()[0, number]
+        flat = shape.unit_normal[number] < -1 + 1e-12
+        if flat and scene.stop.stroke >= reach:
+            sentence = f"{scene.stop.stroke:g} mm takes the tool '{name}' to the mirror plane, {reach:g} mm away"
+            yield SceneError(sentence, key="stop.stroke", got=scene.stop.stroke, allowed=f"below {reach:g}")
+
+
+def _point_problems(scene, name, body, size):
+    low, high = body.shape.bounds()
+    centre = (low + high) / 2
+    for point_name, point in scene.points.items():
+        if point.body != name:
+            continue
+        inside = body.shape.contains([point.at])[0]
+        samples = body.shape.boundary_points(size / 400)
+        on_boundary = _distance_to_body(body.shape, point.at, samples) <= 2e-3 * size
+        if not inside and not on_boundary:
+            at = ", ".join(f"{x:g}" for x in point.at)
+            sentence = f"({at}) lies outside the workpiece '{name}', which is centred at ({_listed(centre)})"
+            yield SceneError(sentence, key=f"points.{point_name}.at", got=point.at, allowed="a point of the body")
+
+
+def _distance_to_body(shape, point, samples):
+    if hasattr(shape, "depth"):
+        return max(0.0, -float(shape.depth([point])[0]))
+    return float(np.linalg.norm(samples - np.array(point), axis=1).min())
+
+
+def _listed(vector):
+    return ", ".join(f"{x:g}" for x in vector)
+
+
+def _unopposed(scene):
+    name, tool = next(iter(scene.tools.items()))
+    direction = tool.drive.direction if tool.drive is not None else None
+    if direction is None:
+        return
+    for body_name, body in scene.workpieces.items():
+        number = int(np.argmax(np.abs(direction)))
+        hollow = getattr(tool.shape, "hollow", False) or hasattr(tool.shape, "points")
+        if scene.axes[number] not in body.symmetry and not hollow:
+            yield f"workpieces.{body_name}: nothing opposes the tool '{name}'; add a tool or a mirror plane"

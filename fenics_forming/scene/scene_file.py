@@ -1,0 +1,138 @@
+"""Scene files: reading and writing TOML, with `--set dotted.key=value`."""
+
+import re
+from pathlib import Path
+
+import tomllib
+
+from ..errors import SceneError
+from .description import Scene
+
+_HEADER = "# numbers are in mm, s, t, N, MPa, mJ, degC, rad\n"
+_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive")
+
+
+def read_scene(path, *, set=()):
+    """The scene of a TOML file.
+
+    Parameters
+    ----------
+    path : the file; paths in it are relative to its folder.
+    set : changes as "dotted.key=value"; the value is read as TOML, or else taken as a text.
+
+    Raises
+    ------
+    SceneError, for a file that is not there or not TOML, or keys and values that cannot be meant. Whether the scene
+    makes sense as a whole is asked with `check`.
+    """
+    path = Path(path)
+    values = _parsed(path)
+    for change in set:
+        _apply(change, values)
+    return Scene.read(_with_paths(values, lambda name: str(path.parent.absolute() / name)))
+
+
+def write_scene(scene, path):
+    """Write the scene as TOML; files below the folder of `path` are named relative to it."""
+    path = Path(path)
+    folder = path.parent.absolute()
+
+    def shortened(name):
+        return str(Path(name).relative_to(folder)) if Path(name).is_relative_to(folder) else name
+
+    path.write_text(_toml(_with_paths(scene.as_table(), shortened)), encoding="utf-8")
+
+
+def scene_as_toml(scene):
+    """The scene as TOML text."""
+    return _toml(scene.as_table())
+
+
+def _parsed(path):
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SceneError(f"the scene file '{path}' does not exist", got=str(path)) from None
+    except tomllib.TOMLDecodeError as error:
+        reason, _, place = str(error).partition(" (at ")
+        where = place.rstrip(")") or "somewhere"
+        reason = reason[0].lower() + reason[1:]
+        raise SceneError(f"'{path.name}' is not valid TOML ({where}): {reason}", got=str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError(f"'{path.name}' is not a text in UTF-8", got=str(path)) from None
+    except OSError as error:
+        raise SceneError(f"'{path}' cannot be read: {error.strerror}", got=str(path)) from None
+
+
+def _apply(change, values):
+    key, equals, text = change.partition("=")
+    words = key.strip().split(".")
+    if not equals or not all(words):
+        raise SceneError("is not of the form dotted.key=value", key=f"--set {change}", got=change)
+    try:
+        value = tomllib.loads(f"value = {text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    here = values
+    for number, word in enumerate(words[:-1]):
+        here = here.setdefault(word, {})
+        if not isinstance(here, dict):
+            above = ".".join(words[: number + 1])
+            raise SceneError(f"'{above}' holds a value, not a table", key=f"--set {key.strip()}", got=change)
+    here[words[-1]] = value
+
+
+def _with_paths(values, change):
+    """The same nested tables with `change` applied to the name of every file."""
+    if isinstance(values, list):
+        return [_with_paths(item, change) for item in values]
+    if not isinstance(values, dict):
+        return values
+    return {
+        key: change(value) if isinstance(value, str) and _names_a_file(key, values) else _with_paths(value, change)
+        for key, value in values.items()
+    }
+
+
+def _names_a_file(key, table):
+    return (key == "file" and "table" in (table.get("law"), table.get("kind"))) or (
+        key == "path" and table.get("kind") in ("file", "stl")
+    )
+
+
+def _toml(table):
+    import tomlkit
+
+    document = tomlkit.document()
+    for line in _HEADER.strip().splitlines():
+        document.add(tomlkit.comment(line.lstrip("# ")))
+    _fill(document, table)
+    text = tomlkit.dumps(document)
+    return re.sub(r"\n{3,}", "\n\n", text)
+
+
+def _fill(container, table):
+    import tomlkit
+
+    for key, value in sorted(table.items(), key=lambda item: _is_branch(*item)):
+        if _is_branch(key, value):
+            branch = tomlkit.table(is_super_table=all(_is_branch(*item) for item in value.items()))
+            _fill(branch, value)
+            container[key] = branch
+        elif isinstance(value, dict):
+            container[key] = _inline(value)
+        else:
+            container[key] = value
+
+
+def _is_branch(key, value):
+    return isinstance(value, dict) and key not in _IN_ONE_LINE
+
+
+def _inline(table):
+    import tomlkit
+
+    inline = tomlkit.inline_table()
+    for key, value in table.items():
+        inline[key] = _inline(value) if isinstance(value, dict) else value
+    return inline

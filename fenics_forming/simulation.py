@@ -1,0 +1,283 @@
+"""Where the parts meet: a scene becomes a body between its tools, and runs to its stop."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from mpi4py import MPI
+
+from .errors import ConvergenceError, MeshError
+from .physics.bodies import body_mesh
+from .physics.contact.facets import ContactFacets
+from .physics.contact.rigid import RigidContact
+from .physics.kinematics import KINDS
+from .physics.meshing import boundary_facets, exterior_facets
+from .physics.nodes import Nodes
+from .physics.settings import NewtonSettings
+from .physics.tools import known_tools
+from .physics.tracking import MaterialPoint
+from .physics.workpiece import FixedVelocity, Workpiece, facet_nodes
+from .process.body import FlowingBody
+from .process.integration import SCHEMES, Flow, StepEnd
+from .process.timestep import Adaptivity, StepChoice
+from .results.checkpoint import load_checkpoint, save_checkpoint
+from .results.gather import scatter_nodal
+from .results.progress import Silent
+from .results.recorder import Recorder
+from .results.results import Results
+from .scene import Scene, check
+
+
+@dataclass
+class State:
+    """Where a run is: step, time s, strain at the nodes, the flow, and the step length that contact looked ahead."""
+
+    step: int
+    time: float
+    strain: np.ndarray
+    flow: Flow
+    dt: float
+
+
+class Simulation:
+    """A scene made ready to run: mesh, tools, forms and solver of just what the scene names.
+
+    Parameters
+    ----------
+    scene : the description
+    comm : MPI communicator
+    resume : a checkpoint file to go on from
+
+    Raises
+    ------
+    SceneError, MeshError
+        before anything is solved.
+    """
+
+    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, resume: Path | str | None = None):
+        start = perf_counter()
+        self.scene, self.comm = scene, comm
+        self.warnings = check(scene)
+        self.kinematics = KINDS[scene.geometry]
+        tools = known_tools(scene)
+        self._saved = load_checkpoint(resume) if resume is not None else None
+        if self._saved is None:
+            mesh, self.mesh_size = body_mesh(scene, tools, comm)
+        else:
+            mesh, self.mesh_size = self._saved.mesh(comm), self._saved.scalars["mesh_size"]
+        self.nodes = Nodes(mesh)
+        self.mirrors = self._mirror_planes()
+        fixed, candidates = self._boundary()
+        settings = NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
+        contact = RigidContact(ContactFacets(self.nodes, self.kinematics, candidates), tools,
+                               slip_regularisation=settings.slip_regularisation)
+        workpiece = Workpiece(self.nodes, kinematics=self.kinematics, contact=contact, fixed=fixed, settings=settings,
+                              flow_stress=scene.materials[scene.workpiece.material].flow_stress)
+        self.body = FlowingBody(workpiece, boundary=facet_nodes(self.nodes, candidates), height_axis=self._height_axis(),
+                                drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
+                                temperature=scene.workpiece.temperature)
+        self.scheme = SCHEMES[scene.scheme]()
+        self.points = self._tracked()
+        self.start_volume = workpiece.volume()
+        self.solves = 1
+        self.seconds_to_build = perf_counter() - start
+
+    # ------------------------------------------------------------------ building
+    def _mirror_planes(self) -> dict[int, float]:
+        """Axis → coordinate of the mirror planes and, in axisymmetry, the axis."""
+        if self._saved is not None:
+            return {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
+        low, high = self.nodes.extents()
+        planes = {self.scene.axes.index(a): float(low[self.scene.axes.index(a)]) for a in self.scene.workpiece.symmetry}
+        if self.scene.geometry == "axisymmetric" and low[0] <= 1e-9 * (high - low).max():
+            planes[0] = 0.0
+        return planes
+
+    def _boundary(self):
+        mesh = self.nodes.mesh
+        size = float(np.ptp(self.nodes.extents(), axis=0).max())
+        on_plane = [(axis, boundary_facets(mesh, lambda x, a=axis, v=value: np.abs(x[a] - v) < 1e-8 * size))
+                    for axis, value in self.mirrors.items()]
+        for axis, facets in on_plane:
+            if self.comm.allreduce(len(facets), MPI.SUM) == 0:
+                raise MeshError(f"the body has no flat low face on the axis {self.scene.axes[axis]}, which is to be its "
+                                "mirror plane")
+        taken = np.concatenate([f for _, f in on_plane]) if on_plane else np.empty(0, np.int32)
+        return [FixedVelocity(f, axis) for axis, f in on_plane], np.setdiff1d(exterior_facets(mesh), taken)
+
+    def _height_axis(self) -> int:
+        tool = self.scene.counting_tool
+        direction = self.scene.tools[tool].drive.direction if tool is not None else None
+        return int(np.argmax(np.abs(direction))) if direction is not None else self.nodes.dim - 1
+
+    def _tracked(self) -> dict[str, MaterialPoint]:
+        if self._saved is None:
+            return {name: MaterialPoint(self.nodes, p.at) for name, p in self.scene.points.items()}
+        return {name: MaterialPoint(self.nodes, at) for name, at in self._saved.scalars["points"].items()}
+
+    def _steps(self) -> StepChoice:
+        scene = self.scene
+        drive = scene.tools[scene.counting_tool].drive
+        if scene.steps.time is not None:
+            nominal = lambda t: scene.steps.time  # noqa: E731
+        else:
+            def nominal(t):
+                end = drive.time_of_travel(drive.travel(t) + scene.steps.stroke, t)
+                if not np.isfinite(end):
+                    end = min((x for x in self._landmarks(drive) if x > t), default=t) or t
+                return end - t
+        adaptive = scene.steps.adaptive
+        limits = None if adaptive is None else Adaptivity(adaptive.max_strain_increment, adaptive.tolerance)
+        return StepChoice(nominal, self._landmarks(drive), limits, adaptive.min_fraction if adaptive else 1e-3)
+
+    def _landmarks(self, drive):
+        stop, strokes = self.scene.stop, list(self.scene.output.strokes)
+        times = [drive.time_of_travel(s) for s in strokes + ([stop.stroke] if stop.stroke is not None else [])]
+        return [t for t in times + ([stop.time] if stop.time is not None else []) if np.isfinite(t)]
+
+    # ------------------------------------------------------------------ running
+    def run(self, out: Path | str | None = None, *, observer=None) -> Results:
+        """Run to the stop.
+
+        Parameters
+        ----------
+        out : folder for history, fields, summary and checkpoints; without it nothing is written
+        observer : hears of every step (``results.progress``)
+
+        Raises
+        ------
+        ConvergenceError
+            when even the shortest step fails; everything computed is in ``out`` by then.
+        """
+        observer = observer or Silent()
+        self.choice = self._steps()
+        recorder = Recorder(self, out, resume_after=None if self._saved is None else self._saved.scalars["step"])
+        observer.started(recorder.introduction())
+        for warning in self.warnings:
+            observer.note(warning)
+        state, why = None, "failed"
+        try:
+            state = self._first() if self._saved is None else self._resumed()
+            if self._saved is None:
+                recorder.step(state, "start", 0.0)
+                observer.step(recorder.row, "start")
+            while (why := self._stopped(state, recorder)) is None:
+                begun = perf_counter()
+                state, limited_by = self._advance(state, observer)
+                recorder.step(state, limited_by, perf_counter() - begun)
+                observer.step(recorder.row, limited_by)
+        except ConvergenceError as failure:
+            why = f"failed: {failure}"
+            raise
+        except KeyboardInterrupt:
+            why = "interrupted"
+            raise
+        finally:
+            if state is not None:
+                recorder.finish(state, why)
+        results = recorder.results()
+        observer.finished(results)
+        return results
+
+    def _first(self) -> State:
+        strain = np.zeros(self.nodes.count)
+        dt = self.choice.next(0.0).dt
+        return State(0, 0.0, strain, self._flow_at(0.0, strain, dt), dt)
+
+    def _resumed(self) -> State:
+        saved, body = self._saved.scalars, self.body
+        local = {name: scatter_nodal(self.nodes, values if self.comm.rank == 0 else None)
+                 for name, values in self._saved.nodal.items()}
+        body.speed = saved["speed"]
+        body.workpiece.set_start(local["velocity"], local["mean_stress"])
+        self.start_volume = saved["start_volume"]
+        flow = self._flow_at(saved["time"], local["strain"], saved["dt"])
+        return State(saved["step"], saved["time"], local["strain"], flow, saved["dt"])
+
+    def _flow_at(self, time: float, strain: np.ndarray, dt: float) -> Flow:
+        """Solve, unless no tool has reached the body yet."""
+        body = self.body
+        if body.workpiece.is_cold:
+            body.place(time)
+            body.search(dt)
+            if body.time_to_contact(dt) >= dt:
+                return body.rest()
+        return body.solve(time, strain, dt)
+
+    def _advance(self, state: State, observer) -> tuple[State, str]:
+        """One step; cut and tried again until it converges or becomes too short."""
+        body = self.body
+        while True:
+            limit = self.choice.next(state.time, state.flow.rate)
+            dt, reason = limit.dt, limit.reason
+            if body.workpiece.is_cold:           # free travel: stop where the first tool touches
+                body.search(dt)
+                touch = body.time_to_contact(dt)
+                if 1e-9 * dt < touch < dt:
+                    dt, reason = touch, "contact"
+            before, scheme = body.snapshot(), copy.copy(self.scheme)
+            try:
+                end = self.scheme.advance(body, state.flow, state.time, state.strain, dt) \
+                    if not body.workpiece.is_cold else self._travel(state, dt)
+                time = state.time + dt
+                ahead = self.choice.next(time, state.flow.rate).dt
+                ahead = ahead if ahead > 0 else dt
+                flow = self._flow_at(time, end.strain, ahead)
+            except ConvergenceError as failure:
+                body.restore(before)
+                self.scheme = scheme
+                body.move_tools(state.time)
+                if not self.choice.failed():
+                    raise ConvergenceError(f"step {state.step + 1} fails however short it is: {failure}",
+                                           history=failure.history, advice=failure.advice) from failure
+                observer.note(f"step {state.step + 1} cut: {failure}")
+                continue
+            self.choice.succeeded(end.error, body.size)
+            spent = Flow(flow.velocity, flow.rate, flow.iterations + end.iterations)
+            self.solves += 1 + end.solves
+            return State(state.step + 1, time, end.strain, spent, ahead), reason
+
+    def _travel(self, state: State, dt: float):
+        """The tools move on, the body rests."""
+        self.body.move_tools(state.time + dt)
+        return StepEnd(state.strain, 0, 0, None, 0.0)
+
+    def _stopped(self, state: State, recorder: Recorder) -> str | None:
+        """Why the run is over, or None."""
+        stop, scene = self.scene.stop, self.scene
+        drive = scene.tools[scene.counting_tool].drive
+        if stop.stroke is not None and drive.travel(state.time) >= stop.stroke * (1 - 1e-9):
+            return f"stroke {stop.stroke:g} mm reached"
+        if stop.time is not None and state.time >= stop.time * (1 - 1e-9):
+            return f"time {stop.time:g} s reached"
+        if stop.force is not None and recorder.force_of(scene.counting_tool) >= stop.force:
+            return f"force {stop.force:g} N reached"
+        if stop.height is not None and self.body.height() <= stop.height * (1 + 1e-9):
+            return f"height {stop.height:g} mm reached"
+        return None
+
+    # ------------------------------------------------------------------ checkpoints
+    def save(self, path: Path, state: State) -> None:
+        """Write the state so that a run on any number of ranks can go on from it."""
+        w = self.body.workpiece
+        save_checkpoint(path, self.nodes, scalars={
+            "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
+            "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
+            "points": {name: [float(c) for c in p.value(self.nodes.x)] for name, p in self.points.items()},
+            "start_volume": self.start_volume},
+            nodal={"strain": state.strain, "velocity": w.velocity, "mean_stress": w.mean_stress})
+
+
+def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm=MPI.COMM_WORLD) -> Results:
+    """Build and run a scene; the results, which keep the scene.
+
+    Parameters
+    ----------
+    scene : from ``Scene(...)`` or ``read_scene(path)``
+    out : folder for the results; without it they stay in memory
+    """
+    return Simulation(scene, comm=comm).run(out, observer=observer)
