@@ -137,7 +137,8 @@ class FlowSolver:
                 force_change = np.abs(force - old).max() / size if size > 0 else 0.0
             else:
                 force_change = 0.0
-            if velocity_change < s.velocity_tolerance and force_change < s.force_tolerance and iteration > 1 + 2 * cold:
+            if velocity_change < s.velocity_tolerance and force_change < s.force_tolerance \
+                    and iteration > 1 + 2 * cold and self._power_imbalance() < s.power_tolerance:
                 body.is_cold = False
                 return FlowSolution(iteration, velocity_change, force_change)
         raise ConvergenceError(f"after {s.max_iterations} iterations the velocities still change by {velocity_change:.1e} "
@@ -171,9 +172,7 @@ class FlowSolver:
         fem_petsc.assemble_matrix(self.A, body.tangent_form, bcs=body.conditions)
         self.A.assemble()
         if not matrix_only:
-            with self.b.localForm() as local:
-                local.set(0.0)
-            fem_petsc.assemble_vector(self.b, body.residual_form)
+            self._assemble_residual()
             if lifting:
                 fem_petsc.apply_lifting(self.b, [body.tangent_form], [body.conditions], x0=[body.solution.x.petsc_vec],
                                         alpha=-1.0)
@@ -182,6 +181,25 @@ class FlowSolver:
             self.b.array[owned] = body.solution.x.array[owned] - body._values.x.array[owned]
             self.b.scale(-1.0)
         self.seconds["assembly"] += perf_counter() - start
+
+    def _assemble_residual(self):
+        body = self.workpiece
+        with self.b.localForm() as local:
+            local.set(0.0)
+        fem_petsc.assemble_vector(self.b, body.residual_form)
+
+    def _power_imbalance(self) -> float:
+        """Power that the residual does on the present velocities, relative to the plastic power."""
+        start = perf_counter()
+        body = self.workpiece
+        self._assemble_residual()
+        self.b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        owned = body.fixed_dofs[body.fixed_dofs < body.owned]
+        self.b.array[owned] = 0.0
+        power = self.b.dot(body.solution.x.petsc_vec)
+        plastic = body.plastic_power()
+        self.seconds["assembly"] += perf_counter() - start
+        return abs(power) / plastic if plastic > 0 else 0.0
 
     def _linear_solve(self):
         start = perf_counter()

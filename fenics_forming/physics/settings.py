@@ -16,6 +16,7 @@ class NewtonSettings:
     slip_regularisation : the same for the slip, relative to the speed of the tools
     velocity_tolerance, force_tolerance : stop when the relative change of the velocities *and* of the contact forces
         falls below these
+    power_tolerance : and when the power that does not balance is less than this part of the plastic power
     max_iterations : a solve that needs more has failed
     damping_from : from this iteration on every second increment is halved (ends cycles of the contact set)
     """
@@ -24,7 +25,8 @@ class NewtonSettings:
     slip_regularisation: float = 1e-3
     velocity_tolerance: float = 1e-2
     force_tolerance: float = 2e-3
+    power_tolerance: float = 5e-4
     max_iterations: int = 40
     damping_from: int = 8
     penalty_factor: float = 10.0
-    augmented: bool = False
+    augmented: bool = True

@@ -10,6 +10,7 @@ import numpy as np
 
 from .files import ResultsError
 from .progress import name_and_unit
+from .results import thousands
 from .skin import Skin
 
 AXES = {"plane_strain": "xy", "axisymmetric": "rz", "3d": "xyz"}
@@ -40,7 +41,7 @@ def plot_force_stroke(results, *, tool: str | None = None, path: Path | str | No
     if ax is None:
         ax = _pyplot().subplots(figsize=(6.4, 4.2), layout="constrained")[1]
     largest = max((np.nanmax(np.abs(run.force(tool)), initial=0.0) for run in runs), default=0.0)
-    scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= 1.5 * s), (1.0, ""))
+    scale, prefix = thousands(largest)
     for run, label in zip(runs, labels or _names(runs)):
         stroke, force = run.stroke(tool), run.force(tool) / scale
         ax.plot(stroke, force, marker="o" if len(stroke) < 40 else None, markersize=3, linewidth=1.6, label=label)
@@ -127,7 +128,7 @@ def plot_run(results, folder: Path | str, *, tools=()) -> list[Path]:
         there = Skin.read(_frame(results, -1)[1]).fields
         for name, field in (("effective_strain",) * 2, ("mean_stress",) * 2, ("temperature",) * 2, ("mesh", None)):
             if field is None or any(key == field or key.startswith(field + "_") for key in there):
-                _close(plot_fields(results, field, path=folder / f"{name}.png", mesh=field is None or None, tools=tools))
+                _close(plot_fields(results, field, path=folder / f"{name}.png", tools=tools))
                 made.append(folder / f"{name}.png")
     return made
 
@@ -146,11 +147,12 @@ def _draw_plane(ax, skin, values, label, limits, *, mesh):
         triangulation.set_mask(~good[skin.triangles].all(axis=1))
         _coloured(ax, triangulation, np.where(good, values, 0.0), label, limits)
     inside, rim = skin.sides()
-    if mesh or mesh is None:
+    if mesh or values is None:
         width = 0.5 if values is None else 0.25
         ax.add_collection(LineCollection(_curves(skin.points, inside), colors="0.15", linewidths=width, alpha=0.7))
     ax.add_collection(LineCollection(_curves(skin.points, rim), colors="black", linewidths=1.0, capstyle="round"))
     ax.set_aspect("equal")
+    ax.use_sticky_edges = False
     ax.margins(0.04)
     ax.autoscale_view()
 
@@ -172,7 +174,7 @@ def _coloured(ax, triangulation, values, label, limits):
                                               pad=0.6 if flat else 0.15)
     colourbar = ax.figure.colorbar(drawn, cax=bar, orientation="horizontal" if flat else "vertical",
                                    ticks=levels[::2])
-    peak = [f"highest {inside.max():.3g}"] * over + [f"lowest {inside.min():.3g}"] * under
+    peak = [f"highest {_figures(inside.max())}"] * over + [f"lowest {_figures(inside.min())}"] * under
     colourbar.set_label(", ".join([label] + peak))
 
 
@@ -251,6 +253,11 @@ def _label(name):
     return f"{words} ({unit})" if unit else words
 
 
+def _figures(value):
+    """Three figures, no exponent where none is needed, a true minus."""
+    return f"{float(f'{value:.3g}'):.6g}".replace("-", "\N{MINUS SIGN}")
+
+
 def _when(results, time):
     where = f"t = {time:.4g} s"
     if "time_s" in results.history.columns and results.tools:
@@ -288,7 +295,7 @@ def _pyplot():
 def _saved(ax, path):
     if path is not None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-        ax.figure.savefig(path, dpi=150)
+        ax.figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.12)
     return ax
 
 

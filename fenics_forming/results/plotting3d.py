@@ -32,18 +32,21 @@ def draw(skin, values, label: str, limits, title: str, *, mesh: bool, path: Path
         plotter.set_background("white")
         surface = poly(skin.points, skin.triangles)
         if values is None:
-            plotter.add_mesh(surface, color="lightsteelblue", smooth_shading=False)
+            plotter.add_mesh(surface, color="lightsteelblue", ambient=0.4, diffuse=0.6, specular=0.0)
         else:
             surface[label] = values
             bar = dict(title=label, color="black", vertical=True, position_x=0.86, position_y=0.2, height=0.6, width=0.06,
                        n_labels=6, fmt="%.3g", title_font_size=20, label_font_size=20)
-            plotter.add_mesh(surface, scalars=label, clim=limits, cmap="viridis", n_colors=16, smooth_shading=False,
-                             scalar_bar_args=bar)
-        if mesh or mesh is None:
+            plotter.add_mesh(surface, scalars=label, clim=limits, cmap="viridis", n_colors=16, ambient=0.4, diffuse=0.6,
+                             specular=0.0, scalar_bar_args=bar)
+        if mesh or values is None:
             sides = np.concatenate(skin.sides())
             lines = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())
-            plotter.add_mesh(lines, color="black", line_width=1.0, opacity=0.5, lighting=False)
-        plotter.add_text(title, position="upper_left", font_size=11, color="black")
+            drawn = plotter.add_mesh(lines, color="black", line_width=1.5, opacity=0.6, lighting=False)
+            # the lines lie in the surface: bring them forward, or half of them are lost
+            drawn.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            drawn.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, -6.0)
+        plotter.add_text(title, position=(0.03, 0.9), viewport=True, font_size=11, color="black")
         plotter.add_axes(color="black", line_width=3)
         plotter.camera_position = "iso"
         plotter.enable_parallel_projection()

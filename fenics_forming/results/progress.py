@@ -139,4 +139,4 @@ def _telling(row):
 def _shown(value):
     if value is None:
         return "-"
-    return str(value) if isinstance(value, int) else f"{value:.5g}"
+    return str(value) if isinstance(value, int) else f"{value + 0.0:.5g}"

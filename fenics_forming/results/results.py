@@ -181,6 +181,11 @@ def _plain(value):
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
 
 
+def thousands(largest: float) -> tuple[float, str]:
+    """Scale and prefix that keep a force readable: 884000 → (1000, "k")."""
+    return next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if abs(largest) >= 1.5 * s), (1.0, ""))
+
+
 def _facts(results):
     """(name, text) of everything worth a line in the tree."""
     history, summary, facts = results.history, results.summary, []
@@ -188,7 +193,8 @@ def _facts(results):
         facts.append(("scene", f"{results.title} ({results.scene.geometry})"))
     if len(history):
         last = history.rows[-1]
-        facts.append(("steps", f"{len(history)}, until {last['time_s']:.6g} s" if "time_s" in last else len(history)))
+        until = f", until {last['time_s']:.6g} s" if "time_s" in last else ""
+        facts.append(("steps", f"{last.get('step', len(history))}{until}"))
         facts += [(tool, _tool_facts(results, tool)) for tool in results.tools]
         facts += [(name[len("volume_error_"):], f"volume error {value:.2e}")
                   for name, value in last.items() if name.startswith("volume_error_")]
@@ -210,7 +216,8 @@ def _tool_facts(results, tool):
     if results._force_column(tool) in columns and np.isfinite(results.force(tool)).any():
         largest = np.nanargmax(np.abs(results.force(tool)))
         at = f" at {format_quantity(results.stroke(tool)[largest], 'mm')}" if parts else ""
-        force = format_quantity(float(f"{results.force(tool)[largest]:.4g}"), results.force_unit(tool))
+        scale, prefix = thousands(results.force(tool)[largest])
+        force = f"{results.force(tool)[largest] / scale:.4g} {prefix}{results.force_unit(tool)}"
         parts.append(f"largest force {force}{at}")
     return ", ".join(parts)
 

@@ -64,10 +64,18 @@ class Skin:
         return full, values if values.ndim == 1 else np.linalg.norm(values, axis=1)
 
     def mirrored(self, axis: int, at: float) -> Skin:
-        """This skin and its image in the plane where coordinate ``axis`` is ``at``, as one."""
+        """This skin and its image in the plane where coordinate ``axis`` is ``at``, as one: nodes on the plane are
+        shared, and faces in the plane of a body in space are left out.
+        """
         image = self.points.copy()
         image[:, axis] = 2 * at - image[:, axis]
-        return _joined([self, replace(self, points=image, faces=self.faces[:, [0, 2, 1, 5, 4, 3]])])
+        n = len(image)
+        on_plane = np.abs(self.points[:, axis] - at) <= 1e-6 * np.ptp(self.points, axis=0).max()
+        seen = self.faces[~on_plane[self.faces].all(axis=1)]
+        twin = replace(self, points=image, faces=seen[:, [0, 2, 1, 5, 4, 3]])
+        both = _joined([replace(self, faces=seen), twin])
+        shared = np.concatenate([np.arange(n), np.where(on_plane, np.arange(n), np.arange(n, 2 * n))])
+        return replace(both, faces=shared[both.faces])
 
     @property
     def triangles(self) -> np.ndarray:

@@ -236,7 +236,7 @@ class Solver(Described):
     force_tolerance: Positive(Number) = 2e-3
     max_iterations: Annotated[Count, AfterValidator(_at_least_one)] = 40
     penalty_factor: Positive(Number) = 10.0
-    augmented: Flag = False
+    augmented: Flag = True
 
 
 class Scene(Described):

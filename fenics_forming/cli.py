@@ -1,0 +1,134 @@
+"""``forming run | check | plot | info``: the command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from .errors import ConvergenceError, FormingError, SceneError
+
+BAD_SCENE, FAILED = 2, 1
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; the exit code: 0 done, 1 the run failed, 2 the scene or the command is wrong."""
+    options = _parser().parse_args(arguments)
+    try:
+        return options.action(options)
+    except SceneError as error:
+        return _say_on_one_rank(f"error: {error}", BAD_SCENE)
+    except ConvergenceError as error:
+        advice = f"\n{error.advice}" if getattr(error, "advice", "") else ""
+        return _say_on_one_rank(f"the run failed: {error}{advice}", FAILED)
+    except FormingError as error:
+        return _say_on_one_rank(f"error: {error}", BAD_SCENE)
+    except KeyboardInterrupt:
+        return _say_on_one_rank("interrupted; what was computed is on disk, go on with --resume", 130)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="forming", description="Metal forming on FEniCSx.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="run a scene file")
+    run.add_argument("scene", type=Path)
+    run.add_argument("--out", type=Path, help="folder for the results (default: results/NAME of the scene file)")
+    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+                     help="change a key of the scene, such as steps.stroke='0.1 mm'")
+    run.add_argument("--resume", action="store_true", help="go on from the checkpoint in the folder of the results")
+    run.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    run.set_defaults(action=_run)
+
+    check = commands.add_parser("check", help="check a scene file without running it")
+    check.add_argument("scene", type=Path)
+    check.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    check.add_argument("--schema", action="store_true", help="print the JSON schema of scene files instead")
+    check.set_defaults(action=_check)
+
+    plot = commands.add_parser("plot", help="draw the results of a run")
+    plot.add_argument("folder", type=Path)
+    plot.add_argument("--field", help="one field only, such as effective_strain")
+    plot.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
+    plot.set_defaults(action=_plot)
+
+    info = commands.add_parser("info", help="versions, laws and shapes; or what a folder of results holds")
+    info.add_argument("folder", type=Path, nargs="?")
+    info.set_defaults(action=_info)
+    return parser
+
+
+def _run(options) -> int:
+    from .scene import check, read_scene
+    scene = read_scene(options.scene, set=options.changes)
+    check(scene)                     # before dolfinx is imported and anything is written
+    out = options.out or Path("results") / options.scene.stem
+    checkpoint = out / "checkpoint.npz" if options.resume else None
+    if checkpoint is not None and not checkpoint.exists():
+        raise SceneError(f"--resume: there is no checkpoint in '{out}'; run without --resume, or name the folder by --out")
+    from mpi4py import MPI
+
+    from .results.progress import Progress
+    from .simulation import Simulation
+    total = scene.stop.stroke or scene.stop.time or float("nan")
+    with Progress(MPI.COMM_WORLD, total, quiet=options.quiet) as progress:
+        simulation = Simulation(scene, resume=checkpoint)
+        simulation.run(out, observer=progress)
+    return 0
+
+
+def _check(options) -> int:
+    from .scene import Scene, check, read_scene
+    if options.schema:
+        import json
+        print(json.dumps(Scene.json_schema(), indent=2))
+        return 0
+    scene = read_scene(options.scene, set=options.changes)
+    warnings = check(scene)
+    print(scene)
+    for warning in warnings:
+        print(f"warning: {warning}")
+    print(f"{options.scene}: the scene is fine")
+    return 0
+
+
+def _plot(options) -> int:
+    from .results.plotting import plot_fields, plot_run
+    from .results.results import Results
+    results = Results.read(options.folder)
+    if options.field:
+        path = options.folder / f"{options.field}.png"
+        plot_fields(results, options.field, options.frame, path=path)
+        print(path)
+    else:
+        for path in plot_run(results, options.folder):
+            print(path)
+    return 0
+
+
+def _info(options) -> int:
+    if options.folder is not None:
+        from .results.results import Results
+        print(Results.read(options.folder))
+        return 0
+    from importlib.metadata import PackageNotFoundError, version
+
+    from . import __version__
+    print(f"fenics_forming {__version__}")
+    for name in ("fenics-dolfinx", "petsc4py", "gmsh", "numpy", "pydantic", "numba", "pyvista"):
+        try:
+            print(f"  {name:16s} {version(name)}")
+        except PackageNotFoundError:
+            print(f"  {name:16s} not found")
+    return 0
+
+
+def _say_on_one_rank(text: str, code: int) -> int:
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi is None or mpi.COMM_WORLD.rank == 0:
+        print(text, file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
