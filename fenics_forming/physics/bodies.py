@@ -9,7 +9,7 @@ from ..errors import MeshError
 from ..scene import Scene
 from . import meshing
 
-CORNER_SIZE = 0.25      # of the mesh size, at sharp corners of tools: the flow is singular there
+CORNER_SIZE = 0.5      # of the mesh size, at sharp corners of tools: the flow is singular there
 CORNER_REACH = 2.0      # mesh sizes from the body within which a tool corner counts
 
 
@@ -27,7 +27,8 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
         return _from_file(workpiece, dim, comm)
     size = workpiece.mesh_size or automatic_size(shape.volume_or_area(), dim)
     mirrors = _mirrors(scene)
-    corners = _corners_near(shape.bounds(), tools, CORNER_REACH * size, dim)
+    corners = np.concatenate([_corners_near(shape.bounds(), tools, CORNER_REACH * size, dim),
+                              _corners_on_tools(shape, tools, 1e-6 * size)])
     builder = {"rectangle": _outline, "polygon": _outline, "circle": _disk, "box": _box, "cylinder": _cylinder}[shape.kind]
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None, comm=comm)
@@ -52,6 +53,18 @@ def _corners_near(bounds, tools, reach, dim):
     found = [np.asarray(t.surface.corners(), float).reshape(-1, dim) for t in tools]
     corners = np.concatenate(found) if found else np.empty((0, dim))
     return corners[((corners >= low - reach) & (corners <= high + reach)).all(axis=1)]
+
+
+def _corners_on_tools(shape, tools, tolerance):
+    """Corners of a plane body that touch a tool with friction: the edge of the contact, from where the side folds down."""
+    if not hasattr(shape, "corners"):
+        return np.empty((0, shape.dimension))
+    corners = np.asarray(shape.corners, float)
+    touched = np.zeros(len(corners), dtype=bool)
+    for tool in tools:
+        if tool.has_friction:
+            touched |= np.abs(tool.surface.closest(corners)[0]) < tolerance
+    return corners[touched]
 
 
 # ---------------------------------------------------------------------- shapes in gmsh

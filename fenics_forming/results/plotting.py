@@ -100,7 +100,8 @@ def plot_fields(results, field: str | None = "effective_strain", frame: int = -1
     if skin.points.shape[1] == 3:
         from .plotting3d import draw
 
-        return draw(skin, values, label, limits, title, mesh=mesh, path=path)
+        levels = None if values is None else _levels(limits, 10)
+        return draw(skin, values, label, levels, title, mesh=mesh, path=path)
     if ax is None:
         ax = _pyplot().subplots(figsize=_figure_size(skin.points), layout="constrained")[1]
     _draw_plane(ax, skin, values, label, limits, mesh=mesh)
@@ -158,20 +159,17 @@ def _draw_plane(ax, skin, values, label, limits, *, mesh):
 
 
 def _coloured(ax, triangulation, values, label, limits):
-    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.axes_grid1 import make_axes_locatable
 
-    low, high = limits
-    levels = MaxNLocator(nbins=16, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    levels = _levels(limits, 16)
     inside = values[triangulation.get_masked_triangles()]
-    over, under = inside.max(initial=low) > levels[-1], inside.min(initial=high) < levels[0]
+    over, under = inside.max(initial=levels[0]) > levels[-1], inside.min(initial=levels[-1]) < levels[0]
     extend = {(0, 0): "neither", (1, 0): "max", (0, 1): "min", (1, 1): "both"}[int(over), int(under)]
     drawn = ax.tricontourf(triangulation, values, levels=levels, cmap=COLOURS, extend=extend)
     drawn.set_edgecolor("face")  # no white hairlines between the bands
     spread = np.ptp(triangulation.x), np.ptp(triangulation.y)
     flat = spread[1] < 0.45 * spread[0]
-    bar = make_axes_locatable(ax).append_axes("bottom" if flat else "right", "5%" if flat else "4%",
-                                              pad=0.6 if flat else 0.15)
+    bar = make_axes_locatable(ax).append_axes("bottom" if flat else "right", 0.15, pad=0.6 if flat else 0.15)
     colourbar = ax.figure.colorbar(drawn, cax=bar, orientation="horizontal" if flat else "vertical",
                                    ticks=levels[::2])
     peak = [f"highest {_figures(inside.max())}"] * over + [f"lowest {_figures(inside.min())}"] * under
@@ -244,8 +242,16 @@ def _limits(skin, values):
     least, most = np.nanmin(values), np.nanmax(values)
     slack = 0.6 * (high - low)
     low, high = (least if least > low - slack else low), (most if most < high + slack else high)
-    nothing = 1e-9 * max(abs(low), abs(high), 1e-3)
-    return (low, high) if high - low > nothing else (low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3))
+    if high - low > 1e-9 * max(abs(low), abs(high), 1e-3):
+        return low, high
+    return (low - 0.5 * abs(low), high + 0.5 * abs(high)) if abs(low) > 1e-12 else (0.0, 1.0)
+
+
+def _levels(limits, most):
+    """Round numbers from below the lower limit to above the upper one."""
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(*limits)
 
 
 def _label(name):

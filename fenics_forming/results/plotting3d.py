@@ -13,8 +13,8 @@ import numpy as np
 from .files import ResultsError
 
 
-def draw(skin, values, label: str, limits, title: str, *, mesh: bool, path: Path | str | None) -> np.ndarray:
-    """Render the skin, with colours where ``values`` (n,) are given, and return the picture (height, width, 3).
+def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path | str | None) -> np.ndarray:
+    """Render the skin, in bands between ``levels`` where ``values`` (n,) are given; return the picture (height, width, 3).
 
     Raises
     ------
@@ -35,10 +35,10 @@ def draw(skin, values, label: str, limits, title: str, *, mesh: bool, path: Path
             plotter.add_mesh(surface, color="lightsteelblue", ambient=0.4, diffuse=0.6, specular=0.0)
         else:
             surface[label] = values
-            bar = dict(title=label, color="black", vertical=True, position_x=0.86, position_y=0.2, height=0.6, width=0.06,
-                       n_labels=6, fmt="%.3g", title_font_size=20, label_font_size=20)
-            plotter.add_mesh(surface, scalars=label, clim=limits, cmap="viridis", n_colors=16, ambient=0.4, diffuse=0.6,
-                             specular=0.0, scalar_bar_args=bar)
+            bar = dict(title=label, color="black", vertical=True, position_x=0.86, position_y=0.2, height=0.6,
+                       width=0.06, n_labels=len(levels), fmt="%.4g", title_font_size=20, label_font_size=20)
+            plotter.add_mesh(surface, scalars=label, clim=(levels[0], levels[-1]), cmap="viridis",
+                             n_colors=len(levels) - 1, ambient=0.4, diffuse=0.6, specular=0.0, scalar_bar_args=bar)
         if mesh or values is None:
             sides = np.concatenate(skin.sides())
             lines = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())

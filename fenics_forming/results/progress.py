@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-WORDS = {"newton_iterations": "Newton", "dt_s": "step", "wall_s": "wall time"}
+WORDS = {"newton_iterations": "Newton", "dt_s": "dt", "wall_s": "wall time",
+         "max_effective_strain": "max strain"}
 UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mm3", "mm2", "mm", "N", "s")
 
 
@@ -139,4 +140,8 @@ def _telling(row):
 def _shown(value):
     if value is None:
         return "-"
-    return str(value) if isinstance(value, int) else f"{value + 0.0:.5g}"
+    if isinstance(value, int) or value == 0:
+        return str(int(value))
+    if not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.4g}"
+    return f"{float(f'{value:.5g}'):.10g}"

@@ -139,7 +139,7 @@ def _stop_problems(scene, body, size):
     if drive is None or drive.direction is None:
         return
     height = float(np.ptp(body.shape.boundary_points(size / 100) @ drive.direction))
-    if scene.stop.height is not None and scene.stop.height >= height:
+    if scene.stop.height is not None and scene.stop.height >= height * (1 - 1e-9):
         sentence = f"{scene.stop.height:g} mm is not below the height at the start, {height:g} mm"
         yield SceneError(sentence, key="stop.height", got=scene.stop.height, allowed=f"below {height:g}")
     number = int(np.argmax(np.abs(drive.direction)))

@@ -49,13 +49,15 @@ def scene_as_toml(scene):
 
 
 def _parsed(path):
+    text = ""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        return tomllib.loads(text)
     except FileNotFoundError:
         raise SceneError(f"the scene file '{path}' does not exist", got=str(path)) from None
     except tomllib.TOMLDecodeError as error:
         reason, _, place = str(error).partition(" (at ")
-        where = place.rstrip(")") or "somewhere"
+        where = place.rstrip(")").replace("end of document", f"the end, line {text.count(chr(10)) or 1}")
         reason = reason[0].lower() + reason[1:]
         raise SceneError(f"'{path.name}' is not valid TOML ({where}): {reason}", got=str(path)) from None
     except UnicodeDecodeError:

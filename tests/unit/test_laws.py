@@ -130,9 +130,8 @@ def test_arrays_give_what_numbers_give(law):
 @pytest.mark.parametrize("law", [law for law in LAWS if law.law != "table"], ids=named)
 def test_ufl_gives_what_numpy_gives(law):
     ufl = pytest.importorskip("ufl")
-    cell = ufl.triangle
-    x = ufl.SpatialCoordinate(ufl.Mesh(__import__("basix.ufl").ufl.element("Lagrange", "triangle", 1, shape=(2,))))
-    assert cell is not None
+    basix = pytest.importorskip("basix.ufl")
+    x = ufl.SpatialCoordinate(ufl.Mesh(basix.element("Lagrange", "triangle", 1, shape=(2,))))
     for strain, rate in ((0.0, 0.5), (0.4, 3.0), (-1e-9, 1e-12)):
         for take in (law, law.rate_derivative):
             form = take(x[0], x[1], 900.0)
