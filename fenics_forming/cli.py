@@ -15,7 +15,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the exit code: 0 done, 1 the run failed, 2 the scene or the command is wrong."""
     options = _parser().parse_args(arguments)
     try:
-        return options.action(options)
+        return _action(options)
     except SceneError as error:
         return _say_on_one_rank(f"error: {error}", BAD_SCENE)
     except ConvergenceError as error:
@@ -25,6 +25,22 @@ def main(arguments: list[str] | None = None) -> int:
         return _say_on_one_rank(f"error: {error}", BAD_SCENE)
     except KeyboardInterrupt:
         return _say_on_one_rank("interrupted; what was computed is on disk, go on with --resume", 130)
+
+
+def _action(options) -> int:
+    """The chosen command; an error nobody foresaw ends all ranks instead of leaving the others waiting."""
+    try:
+        return options.action(options)
+    except (FormingError, KeyboardInterrupt):
+        raise
+    except Exception:
+        mpi = sys.modules.get("mpi4py.MPI")
+        if mpi is None or mpi.COMM_WORLD.size == 1:
+            raise
+        import traceback
+        traceback.print_exc()
+        mpi.COMM_WORLD.Abort(FAILED)
+        raise
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -17,6 +17,7 @@ from .physics.contact.rigid import RigidContact
 from .physics.kinematics import KINDS
 from .physics.meshing import boundary_facets, exterior_facets
 from .physics.nodes import Nodes
+from .physics.parallel import total
 from .physics.settings import NewtonSettings
 from .physics.tools import known_tools
 from .physics.tracking import MaterialPoint
@@ -103,7 +104,7 @@ class Simulation:
         on_plane = [(axis, boundary_facets(mesh, lambda x, a=axis, v=value: np.abs(x[a] - v) < 1e-8 * size))
                     for axis, value in self.mirrors.items()]
         for axis, facets in on_plane:
-            if self.comm.allreduce(len(facets), MPI.SUM) == 0:
+            if total(self.comm, len(facets)) == 0:
                 raise MeshError(f"the body has no flat low face on the axis {self.scene.axes[axis]}, which is to be its "
                                 "mirror plane")
         taken = np.concatenate([f for _, f in on_plane]) if on_plane else np.empty(0, np.int32)

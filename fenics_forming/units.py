@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.S)
 _UNIT = re.compile(r"(?!.*(\d\d|(\*\*|\^)\s*\(|\d\s*(\*\*|\^)))[A-Za-zµμ°%²³·/*^() 0-9+-]{1,40}\Z", re.S)
+_SMALLEST, _LARGEST = 1e-30, 1e30  # so that squares and products of quantities neither vanish nor overflow
 _SIGNS = {None: "", "positive": "positive ", "non-negative": "non-negative "}
 
 
@@ -46,6 +47,8 @@ class Kind:
         number = self._from_text(value) if isinstance(value, str) else self._from_number(value)
         if not math.isfinite(number):
             raise self.refused(value, "is not finite")
+        if abs(number) > _LARGEST or self.sign == "positive" and 0 < number < _SMALLEST:
+            raise self.refused(value, "is beyond every sensible size")
         if self.sign == "positive" and number <= 0:
             raise self.refused(value, "is not positive")
         if self.sign == "non-negative" and number < 0:

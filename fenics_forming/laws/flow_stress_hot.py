@@ -75,10 +75,10 @@ class JohnsonCook(FlowStress):
 
 
 class HenselSpittel(FlowStress):
-    """sigma = A e^(m1 T) T^m9 strain^m2 e^(m4/strain) (1+strain)^(m5 T) e^(m7 strain) rate^m3 rate^(m8 T), T in degC.
+    """sigma = A e^(m1 T) T^m9 eps^m2 e^(m4/eps) (1+eps)^(m5 T) e^(m7 eps) rate^m3 rate^(m8 T), eps the strain, T degC.
 
     The nine-parameter variant (m6 does not occur). The strain is at least `STRAIN_FLOOR`, or
-    `DIVIDED_STRAIN_FLOOR` where m4 is not 0; T is at least 1 degC in T^m9. Factors whose parameter is 0 are not computed.
+    `DIVIDED_STRAIN_FLOOR` where m4 is not 0; T is at least 1 degC in T^m9. A factor whose parameter is 0 is left out.
 
     Parameters
     ----------

@@ -7,11 +7,11 @@ from time import perf_counter
 
 import numpy as np
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
 from .linear import DirectSolver
+from .parallel import highest, total
 from .workpiece import Workpiece
 
 
@@ -214,13 +214,11 @@ class FlowSolver:
         body = self.workpiece
         error = np.abs(body.solution.x.array[body.fixed_dofs] - body._values.x.array[body.fixed_dofs])
         worst = float(error.max()) if error.size else 0.0
-        return (body.nodes.comm.allreduce(worst, MPI.MAX) if body.nodes.comm.size > 1 else worst) == 0.0
+        return (highest(body.nodes.comm, worst)) == 0.0
 
     def _relative_change(self) -> float:
         body = self.workpiece
         d = body.increment.x.array[body.owned_velocity_dofs]
         v = body.solution.x.array[body.owned_velocity_dofs]
-        sums = np.array([d @ d, v @ v])
-        if body.nodes.comm.size > 1:
-            sums = body.nodes.comm.allreduce(sums, MPI.SUM)
+        sums = total(body.nodes.comm, np.array([d @ d, v @ v]))
         return float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0

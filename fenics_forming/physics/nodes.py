@@ -10,7 +10,8 @@ import basix
 import numpy as np
 from dolfinx import fem, la
 from dolfinx.mesh import Mesh
-from mpi4py import MPI
+
+from .parallel import highest, lowest
 
 
 class Nodes:
@@ -107,9 +108,8 @@ class Nodes:
 
     def extents(self) -> np.ndarray:
         """Lowest and highest coordinates of the body, (2, dim), mm."""
-        low = self.comm.allreduce(self.x.min(axis=0), MPI.MIN) if self.comm.size > 1 else self.x.min(axis=0)
-        high = self.comm.allreduce(self.x.max(axis=0), MPI.MAX) if self.comm.size > 1 else self.x.max(axis=0)
-        return np.array([low, high])
+        return np.array([lowest(self.comm, self.x.min(axis=0, initial=np.inf)),
+                         highest(self.comm, self.x.max(axis=0, initial=-np.inf))])
 
 
 # basix: edge i of a triangle lies opposite vertex i; the edges of a tetrahedron in its own order

@@ -21,6 +21,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from .kinematics import Kinematics
 from .nodes import Nodes
+from .parallel import total
 from .settings import NewtonSettings
 
 QUADRATURE_DEGREE = {2: 3, 3: 2}
@@ -249,9 +250,7 @@ class Workpiece:
         return self._total(self._force_power) if self._force_power is not None else 0.0
 
     def _total(self, form) -> float:
-        from mpi4py import MPI
-        value = fem.assemble_scalar(form)
-        return float(self.nodes.comm.allreduce(value, MPI.SUM)) if self.nodes.comm.size > 1 else float(value)
+        return float(total(self.nodes.comm, fem.assemble_scalar(form)))
 
     # ------------------------------------------------------------------ point data
     def at_points(self, nodal: np.ndarray) -> np.ndarray:

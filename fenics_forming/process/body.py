@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from ..physics.contact.rigid import RigidContact, ToolMotion
 from ..physics.newton import FlowSolver
+from ..physics.parallel import highest, lowest
 from ..physics.workpiece import Workpiece
 from .integration import Flow
 from .shifting import put_on_tools
@@ -73,11 +74,7 @@ class FlowingBody:
         """Greatest speed of a tool at the contact points, mm/s."""
         fastest = max((float(np.sqrt((t.state.tool_velocity**2).sum(axis=1)).max(initial=0.0)) for t in self.tools),
                       default=0.0)
-        comm = self.nodes.comm
-        if comm.size > 1:
-            from mpi4py import MPI
-            fastest = comm.allreduce(fastest, MPI.MAX)
-        return fastest
+        return highest(self.nodes.comm, fastest)
 
     def time_to_contact(self, horizon: float) -> float:
         """Time until the first tool touches a body at rest, s; 0 where one touches already."""
@@ -90,11 +87,7 @@ class FlowingBody:
                 first = 0.0
             elif coming.any():
                 first = min(first, float((tool.state.gap[coming] / closing[coming]).min()))
-        comm = self.nodes.comm
-        if comm.size > 1:
-            from mpi4py import MPI
-            first = comm.allreduce(first, MPI.MIN)
-        return max(first, 0.0)
+        return max(lowest(self.nodes.comm, first), 0.0)
 
     # ------------------------------------------------------------------ flow
     def height(self) -> float:
@@ -143,12 +136,7 @@ class FlowingBody:
     # ------------------------------------------------------------------ mesh quality, going back
     def inverted(self) -> bool:
         """Whether a cell has lost its orientation (at its vertices or mid-nodes)."""
-        worst = float(self.nodes.smallest_jacobian())
-        comm = self.nodes.comm
-        if comm.size > 1:
-            from mpi4py import MPI
-            worst = comm.allreduce(worst, MPI.MIN)
-        return not worst > 0.0
+        return not lowest(self.nodes.comm, self.nodes.smallest_jacobian()) > 0.0
 
     def snapshot(self) -> tuple:
         """Everything that a failed step must give back."""

@@ -8,5 +8,19 @@ from .plotting import plot_fields, plot_force_stroke, plot_run
 from .progress import Progress, Silent
 from .results import Results, write_summary
 
-__all__ = ["Checkpoint", "FieldWriter", "History", "Progress", "Results", "ResultsError", "Silent", "load_checkpoint",
-           "plot_fields", "plot_force_stroke", "plot_run", "read_frames", "save_checkpoint", "write_summary"]
+__all__ = [
+    "Checkpoint",
+    "FieldWriter",
+    "History",
+    "Progress",
+    "Results",
+    "ResultsError",
+    "Silent",
+    "load_checkpoint",
+    "plot_fields",
+    "plot_force_stroke",
+    "plot_run",
+    "read_frames",
+    "save_checkpoint",
+    "write_summary",
+]

@@ -47,12 +47,22 @@ class Checkpoint:
         dim = self.positions.shape[1]
         shape = {2: "triangle", 3: "tetrahedron"}[dim]
         mine = slice(None) if comm.rank == 0 else slice(0)
-        return create_mesh(comm, self.cells[mine].astype(np.int64), self.positions[mine],
-                           basix.ufl.element("Lagrange", shape, 2, shape=(dim,)))
+        return create_mesh(
+            comm,
+            self.cells[mine].astype(np.int64),
+            self.positions[mine],
+            basix.ufl.element("Lagrange", shape, 2, shape=(dim,)),
+        )
 
 
-def save_checkpoint(path: Path | str, nodes: Nodes, *, scalars: dict, nodal: dict[str, np.ndarray],
-                    cellwise: dict[str, np.ndarray] | None = None) -> None:
+def save_checkpoint(
+    path: Path | str,
+    nodes: Nodes,
+    *,
+    scalars: dict,
+    nodal: dict[str, np.ndarray],
+    cellwise: dict[str, np.ndarray] | None = None,
+) -> None:
     """Write the state of one body; an interrupted write leaves the checkpoint before it. Collective.
 
     Parameters
@@ -65,7 +75,9 @@ def save_checkpoint(path: Path | str, nodes: Nodes, *, scalars: dict, nodal: dic
     path = Path(path)
     arrays = {"cells": gather_cells(nodes), "positions": gather_nodal(nodes, nodes.x)}
     arrays |= {f"nodal.{name}": gather_nodal(nodes, values) for name, values in nodal.items()}
-    arrays |= {f"cellwise.{name}": gather_cell_values(nodes, values) for name, values in (cellwise or {}).items()}
+    arrays |= {
+        f"cellwise.{name}": gather_cell_values(nodes, values) for name, values in (cellwise or {}).items()
+    }
     words = json.dumps(scalars, default=_plain)
 
     def write():
@@ -77,7 +89,9 @@ def save_checkpoint(path: Path | str, nodes: Nodes, *, scalars: dict, nodal: dic
 
 
 def load_checkpoint(path: Path | str, nodes: Nodes | None = None) -> Checkpoint:
-    """Read a checkpoint; with ``nodes`` the arrays are local to that mesh on any number of ranks. Collective then.
+    """Read a checkpoint; with ``nodes`` the arrays are local to that mesh, on any number of ranks.
+
+    Collective where nodes are given.
 
     Raises
     ------
@@ -91,16 +105,20 @@ def load_checkpoint(path: Path | str, nodes: Nodes | None = None) -> Checkpoint:
     cells = gather_cells(nodes)
     loaded = on_rank_zero(comm, lambda: _fitting(_read(path), cells, path))
     return Checkpoint(
-        scalars=loaded.scalars, cells=loaded.cells, positions=scatter_nodal(nodes, loaded.positions),
+        scalars=loaded.scalars,
+        cells=loaded.cells,
+        positions=scatter_nodal(nodes, loaded.positions),
         nodal={name: scatter_nodal(nodes, values) for name, values in loaded.nodal.items()},
-        cellwise={name: scatter_cell_values(nodes, values) for name, values in loaded.cellwise.items()})
+        cellwise={name: scatter_cell_values(nodes, values) for name, values in loaded.cellwise.items()},
+    )
 
 
 def _fitting(checkpoint, cells, path):
     if not np.array_equal(checkpoint.cells, cells):
         raise ResultsError(
-            f"the checkpoint '{path}' has {len(checkpoint.cells)} cells and belongs to another mesh (this one has "
-            f"{len(cells)} cells); build the mesh from the checkpoint: load_checkpoint(path).mesh(comm)")
+            f"the checkpoint '{path}' has {len(checkpoint.cells)} cells and belongs to another mesh "
+            f"(this one: {len(cells)}); build the mesh from the checkpoint: load_checkpoint(path).mesh(comm)"
+        )
     return checkpoint
 
 
@@ -111,12 +129,19 @@ def _read(path):
         with np.load(path, allow_pickle=False) as file:
             if str(file["kind"]) != KIND:
                 raise ValueError(f"it is a '{file['kind']}', not a '{KIND}'")
-            part = lambda kind: {key.split(".", 1)[1]: file[key] for key in file.files  # noqa: E731
-                                 if key.startswith(kind + ".")}
-            return Checkpoint(json.loads(str(file["scalars"])), part("nodal"), file["positions"], file["cells"],
-                              part("cellwise"))
+            return Checkpoint(
+                scalars=json.loads(str(file["scalars"])),
+                nodal=_named(file, "nodal"),
+                positions=file["positions"],
+                cells=file["cells"],
+                cellwise=_named(file, "cellwise"),
+            )
     except Exception as error:  # zipfile, zlib, numpy and json each have their own
         raise ResultsError(f"the checkpoint '{path}' is damaged or is not one: {error}") from error
+
+
+def _named(file, kind):
+    return {key.split(".", 1)[1]: file[key] for key in file.files if key.startswith(kind + ".")}
 
 
 def _plain(value):

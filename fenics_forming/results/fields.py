@@ -1,7 +1,8 @@
-"""Fields of a run as VTK files: one ``fields_000012.vtu`` per frame and ``fields.pvd`` that lists them with times."""
+"""Fields of a run as VTK files: ``fields_000012.vtu`` per frame and ``fields.pvd`` with the times."""
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as xml
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ if TYPE_CHECKING:  # results are read without dolfinx
     from ..physics.nodes import Nodes
 
 CELL_TYPES = {2: "triangle6", 3: "tetra10"}
-# basix numbers the mid-nodes by the opposite vertices, VTK goes round: VTK node k is basix node _TO_VTK[dim][k]
+# basix numbers the mid-nodes by the opposite vertices, VTK goes round: its node k is the basix node here
 _TO_VTK = {2: [0, 1, 2, 5, 3, 4], 3: [0, 1, 2, 3, 9, 6, 8, 7, 5, 4]}
 # the same VTK cell seen from the other side (vertices 1 and 2 exchanged): basix cells have no orientation
 _REFLECTED = {2: [0, 2, 1, 5, 4, 3], 3: [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]}
@@ -28,30 +29,42 @@ class FieldWriter:
     ----------
     folder : where the files go; made if missing
     comm : MPI communicator
-    resume_after : step after which a resumed run goes on: earlier frames are kept. None: a new run, which removes the
-        frames that the ``fields.pvd`` of an earlier run lists.
+    resume_after : step after which a resumed run goes on: earlier frames are kept. None: a new run, which
+        removes the frames that the ``fields.pvd`` of an earlier run lists.
     """
 
     def __init__(self, folder: Path | str, comm, *, resume_after: int | None = None):
         self.folder, self.comm = Path(folder), comm
         self._frames = on_rank_zero(comm, lambda: self._start(resume_after))
 
-    def write(self, nodes: Nodes, *, step: int, time: float, point_data: dict[str, np.ndarray],
-              cell_data: dict[str, np.ndarray] | None = None, body: str = "") -> Path:
+    def write(
+        self,
+        nodes: Nodes,
+        *,
+        step: int,
+        time: float,
+        point_data: dict[str, np.ndarray],
+        cell_data: dict[str, np.ndarray] | None = None,
+        body: str = "",
+    ) -> Path:
         """Write one frame with the mesh as it lies now. Collective.
 
         Parameters
         ----------
         nodes : the mesh
         step, time : number of the step; s
-        point_data : values at the nodes, (count,) or (count, dim); vectors get a third component
+        point_data : values at the nodes, (count,) or (count, dim), or one number for all; vectors get a third
+            component
         cell_data : values per owned cell, (cells,) or (cells, k)
         body : name of the body, where a frame has several: one file for each
         """
         name = f"fields_{step:06d}{'_' * bool(body)}{body}.vtu"
         points = gather_nodal(nodes, nodes.x)
         cells = gather_cells(nodes)
-        at_nodes = {key: gather_nodal(nodes, values) for key, values in point_data.items()}
+        at_nodes = {
+            key: gather_nodal(nodes, values if np.ndim(values) else np.full(nodes.count, values))
+            for key, values in point_data.items()
+        }
         in_cells = {key: gather_cell_values(nodes, values) for key, values in (cell_data or {}).items()}
         frames = [f for f in self._frames if f[1] != name] + [(float(time), name)]
         on_rank_zero(self.comm, lambda: self._write(name, frames, points, cells, at_nodes, in_cells))
@@ -67,7 +80,7 @@ class FieldWriter:
         self.folder.mkdir(parents=True, exist_ok=True)
         pvd = self.folder / "fields.pvd"
         old = [(time, path.name) for time, path in read_frames(self.folder)]
-        kept = [f for f in old if resume_after is not None and int(f[1].split("_")[1][:6]) <= resume_after]
+        kept = [f for f in old if resume_after is not None and int(re.split("[_.]", f[1])[1]) <= resume_after]
         if kept:
             _write_pvd(pvd, kept)
         else:
@@ -88,12 +101,15 @@ def vtk_cells(cells: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def write_vtu(path: Path, points, cells, at_nodes, in_cells, dim: int) -> None:
-    """One binary VTK file of order-2 cells in VTK order; points and vectors are padded to three components."""
+    """One binary VTK file of order-2 cells in VTK order; points and vectors get three components."""
     import meshio
 
-    mesh = meshio.Mesh(_padded(points), [(CELL_TYPES[dim], cells)],
-                       point_data={key: _padded(values) for key, values in at_nodes.items()},
-                       cell_data={key: [_padded(values)] for key, values in in_cells.items()})
+    mesh = meshio.Mesh(
+        _padded(points),
+        [(CELL_TYPES[dim], cells)],
+        point_data={key: _padded(values) for key, values in at_nodes.items()},
+        cell_data={key: [_padded(values)] for key, values in in_cells.items()},
+    )
     with whole_file(path) as partial:
         meshio.write(partial, mesh, file_format="vtu", binary=True)
 

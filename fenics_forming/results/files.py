@@ -15,7 +15,7 @@ class ResultsError(FormingError):
 
 @contextmanager
 def whole_file(path: Path):
-    """A name beside ``path`` to write to; it becomes ``path`` when the block ends well and vanishes otherwise."""
+    """A name beside ``path`` to write to; it becomes ``path`` when the block ends well, else it vanishes."""
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
         yield partial
@@ -37,9 +37,9 @@ def on_rank_zero(comm, action):
             answer = _answer(action)
         except Exception as error:  # whatever it is, the other ranks must hear of it
             problem = error
-    problem, answer = comm.bcast((problem and str(problem), answer), 0)
-    if problem is not None:
-        raise ResultsError(problem)
+    told, answer = comm.bcast((problem and str(problem), answer), 0)
+    if told is not None:
+        raise problem or ResultsError(told)
     return answer
 
 

@@ -1,7 +1,7 @@
 """Values of all ranks on rank 0, in the order in which the mesh was given, and back again.
 
-Rows follow ``mesh.geometry.input_global_indices`` and ``mesh.topology.original_cell_index`` (closed up where an
-index is not used), so that what is gathered does not depend on the number of ranks.
+Rows follow ``mesh.geometry.input_global_indices`` and ``mesh.topology.original_cell_index`` (closed up where
+an index is not used), so that what is gathered does not depend on the number of ranks.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ def gather_nodal(nodes: Nodes, values: np.ndarray) -> np.ndarray | None:
 
 
 def gather_cell_values(nodes: Nodes, values: np.ndarray) -> np.ndarray | None:
-    """Values per owned cell (cells, …) of all ranks in rows: the array on rank 0, None elsewhere. Collective."""
+    """Values per owned cell (cells, …) of all ranks in rows: on rank 0, None elsewhere. Collective."""
     return _gather(nodes.comm, numbering(nodes).cell_rows, np.asarray(values))
 
 
 def gather_cells(nodes: Nodes) -> np.ndarray | None:
-    """Rows of the nodes of every cell, (cells, nodes per cell) in basix order: on rank 0, None elsewhere. Collective."""
+    """Rows of the nodes of each cell, (cells, nodes per cell), basix order: rank 0 only. Collective."""
     return gather_cell_values(nodes, numbering(nodes).node_rows[nodes.cells])
 
 

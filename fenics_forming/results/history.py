@@ -15,8 +15,8 @@ COUNTS = ("step", "newton_iterations", "remeshings")
 class History:
     """Rows of numbers under fixed names; the names carry the units.
 
-    Every rank keeps the rows; only rank 0 writes. The columns are those of the first row. A new history replaces
-    the file at its first row; :meth:`read` continues the one that is there.
+    Every rank keeps the rows; only rank 0 writes. The columns are those of the first row. A new history
+    replaces the file at its first row; :meth:`read` continues the one that is there.
 
     Parameters
     ----------
@@ -46,8 +46,9 @@ class History:
         return history
 
     def append(self, row: dict[str, float]) -> None:
-        """Add a row and write it. A column that the row does not have is nan; one that the table does not have is
-        an error. Collective.
+        """Add a row and write it. Collective.
+
+        A column that the row does not have is nan; one that the table does not have is an error.
         """
         columns = self.columns or tuple(row)
         strange = [name for name in row if name not in columns]
@@ -76,7 +77,9 @@ class History:
             if there is no such column.
         """
         if name not in self.columns:
-            raise ResultsError(f"the history has no column '{name}'; it has {', '.join(self.columns) or 'no rows yet'}")
+            raise ResultsError(
+                f"the history has no column '{name}'; it has {', '.join(self.columns) or 'no rows yet'}"
+            )
         return np.array([row[name] for row in self.rows])
 
     def __len__(self):
@@ -85,11 +88,15 @@ class History:
     def __repr__(self):
         shown = self.rows if len(self.rows) <= 8 else self.rows[:4] + [None] + self.rows[-4:]
         head = self.columns[:8]
-        lines = [list(head)] + [["…"] * len(head) if row is None else [f"{row[c]:.6g}" for c in head] for row in shown]
+        lines = [list(head)] + [
+            ["…"] * len(head) if row is None else [f"{row[c]:.6g}" for c in head] for row in shown
+        ]
         widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
-        table = ["  ".join(text.rjust(width) for text, width in zip(line, widths)) for line in lines]
+        table = [
+            "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in lines
+        ]
         more = len(self.columns) - len(head)
-        note = f", {more} more columns: {', '.join(self.columns[len(head):])}" if more else ""
+        note = f", {more} more columns: {', '.join(self.columns[len(head) :])}" if more else ""
         return "\n".join([f"History of {len(self.rows)} steps{note}"] + table * bool(head))
 
     def _write_last(self):
@@ -99,7 +106,9 @@ class History:
     def _write_all(self):
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(self.path) as partial:
-            partial.write_text(",".join(self.columns) + "\n" + "".join(map(_line, self.rows)), encoding="utf-8")
+            partial.write_text(
+                ",".join(self.columns) + "\n" + "".join(map(_line, self.rows)), encoding="utf-8"
+            )
 
 
 def _number(name, value):
@@ -125,7 +134,11 @@ def _parse(path):
         try:
             if len(values) != len(columns):
                 raise ValueError
-            rows.append({name: _number(name, float(value)) for name, value in zip(columns, values)})
+            rows.append(
+                {name: _number(name, float(value)) for name, value in zip(columns, values, strict=True)}
+            )
         except ValueError:
-            raise ResultsError(f"line {number} of '{path}' is not {len(columns)} numbers: '{line[:60]}'") from None
+            raise ResultsError(
+                f"line {number} of '{path}' is not {len(columns)} numbers: '{line[:60]}'"
+            ) from None
     return columns, rows, cut_off

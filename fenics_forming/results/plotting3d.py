@@ -14,7 +14,9 @@ from .files import ResultsError
 
 
 def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path | str | None) -> np.ndarray:
-    """Render the skin, in bands between ``levels`` where ``values`` (n,) are given; return the picture (height, width, 3).
+    """Render the skin and return the picture (height, width, 3).
+
+    Where ``values`` (n,) are given they are shown in bands between ``levels``.
 
     Raises
     ------
@@ -35,10 +37,30 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path
             plotter.add_mesh(surface, color="lightsteelblue", ambient=0.4, diffuse=0.6, specular=0.0)
         else:
             surface[label] = values
-            bar = dict(title=label, color="black", vertical=True, position_x=0.86, position_y=0.2, height=0.6,
-                       width=0.06, n_labels=len(levels), fmt="%.4g", title_font_size=20, label_font_size=20)
-            plotter.add_mesh(surface, scalars=label, clim=(levels[0], levels[-1]), cmap="viridis",
-                             n_colors=len(levels) - 1, ambient=0.4, diffuse=0.6, specular=0.0, scalar_bar_args=bar)
+            bar = dict(
+                title=label,
+                color="black",
+                vertical=True,
+                position_x=0.86,
+                position_y=0.2,
+                height=0.6,
+                width=0.06,
+                n_labels=len(levels),
+                fmt="%.4g",
+                title_font_size=20,
+                label_font_size=20,
+            )
+            plotter.add_mesh(
+                surface,
+                scalars=label,
+                clim=(levels[0], levels[-1]),
+                cmap="viridis",
+                n_colors=len(levels) - 1,
+                ambient=0.4,
+                diffuse=0.6,
+                specular=0.0,
+                scalar_bar_args=bar,
+            )
         if mesh or values is None:
             sides = np.concatenate(skin.sides())
             lines = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())
@@ -51,7 +73,7 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path
         plotter.camera_position = "iso"
         plotter.enable_parallel_projection()
         plotter.enable_anti_aliasing("ssaa")
-        plotter.camera.zoom(0.9)
+        plotter.camera.zoom(1.1)
         if path is not None:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
         return plotter.screenshot(None if path is None else str(path), return_img=True)
@@ -64,16 +86,24 @@ def _have_display():
     if os.environ.get("DISPLAY") or os.name != "posix":
         return
     if shutil.which("Xvfb") is None:
-        raise ResultsError("a picture of a body in space needs a display, and this machine has neither one nor Xvfb; "
-                           "install the package xvfb, or open fields.pvd in ParaView")
+        raise ResultsError(
+            "a picture of a body in space needs a display, and this machine has neither one nor Xvfb; "
+            "install the package xvfb, or open fields.pvd in ParaView"
+        )
     reading, writing = os.pipe()
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
-                              pass_fds=(writing,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
+        pass_fds=(writing,),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     os.close(writing)
     with os.fdopen(reading) as pipe:
         number = pipe.readline().strip()
     if not number:
-        raise ResultsError("Xvfb did not start, and a picture of a body in space needs a display; "
-                           "set DISPLAY, or open fields.pvd in ParaView")
+        raise ResultsError(
+            "Xvfb did not start, and a picture of a body in space needs a display; "
+            "set DISPLAY, or open fields.pvd in ParaView"
+        )
     atexit.register(server.terminate)
     os.environ["DISPLAY"] = f":{number}"

@@ -1,21 +1,32 @@
-"""What a run says while it runs. The library itself prints nothing: it tells an observer, and this is the one that talks."""
+"""What a run says while it runs. The library prints nothing: it tells an observer; here is one that talks."""
 
 from __future__ import annotations
 
 import sys
 
-WORDS = {"newton_iterations": "Newton", "dt_s": "dt", "wall_s": "wall time",
-         "max_effective_strain": "max strain"}
+WORDS = {
+    "newton_iterations": "Newton",
+    "dt_s": "dt",
+    "wall_s": "wall time",
+    "max_effective_strain": "max strain",
+}
 UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mm3", "mm2", "mm", "N", "s")
 
 
 def name_and_unit(column: str) -> tuple[str, str]:
-    """``"stroke_upper_mm"`` → ``("stroke upper", "mm")``: the words and the unit in the name of a column or field."""
+    """The words and the unit in the name of a column or field: "stroke_upper_mm" → "stroke upper", "mm"."""
     for unit in UNITS:
         if column.endswith("_" + unit):
             words = column[: -len(unit) - 1]
-            shown = {"degC": "°C", "N_per_mm": "N/mm", "mm_per_s": "mm/s", "per_s": "1/s", "mm3": "mm³",
-                     "mm2": "mm²", "Nmm": "N mm"}.get(unit, unit)
+            shown = {
+                "degC": "°C",
+                "N_per_mm": "N/mm",
+                "mm_per_s": "mm/s",
+                "per_s": "1/s",
+                "mm3": "mm³",
+                "mm2": "mm²",
+                "Nmm": "N mm",
+            }.get(unit, unit)
             return words.replace("_", " "), shown
     return column.replace("_", " "), ""
 
@@ -51,23 +62,25 @@ class Progress(Silent):
     ----------
     comm : MPI communicator, or None
     total : where the run ends, in the unit of ``of``; nan or 0 if that is not known: no bar then
-    columns : names of history columns to print; None chooses step, time, strokes, forces, strain and Newton iterations
-        from the first row
+    columns : names of history columns to print; None chooses step, time, strokes, forces, strain and Newton
+        iterations from the first row
     of : the column that runs up to ``total``; None: the first stroke among the columns, or else the time
     quiet : print nothing
     """
 
-    def __init__(self, comm=None, total: float = float("nan"), columns=None, *, of: str | None = None,
-                 quiet: bool = False):
+    def __init__(
+        self,
+        comm=None,
+        total: float = float("nan"),
+        columns=None,
+        *,
+        of: str | None = None,
+        quiet: bool = False,
+    ):
         self.total, self.columns, self.of = float(total), columns and tuple(columns), of
         self._speaks = not quiet and (comm is None or comm.rank == 0)
         self._bar = self._task = None
         self._widths: list[int] = []
-
-    def __enter__(self):
-        if self._speaks and self.total > 0 and sys.stderr.isatty():
-            self._open_bar()
-        return self
 
     def __exit__(self, *error):
         if self._bar is not None:
@@ -75,7 +88,9 @@ class Progress(Silent):
             self._bar = None
 
     def started(self, simulation_info: str) -> None:
-        """Print what was built."""
+        """Print what was built and open the bar."""
+        if self._speaks and self._bar is None and self.total > 0 and sys.stderr.isatty():
+            self._open_bar()
         if simulation_info:
             self._say(str(simulation_info))
 
@@ -86,7 +101,11 @@ class Progress(Silent):
         if not self._widths:
             self._head(row)
         texts = [_shown(row.get(name)) for name in self.columns]
-        self._say("  ".join(text.rjust(width) for text, width in zip(texts, self._widths)) + "  " + limited_by)
+        self._say(
+            "  ".join(text.rjust(width) for text, width in zip(texts, self._widths, strict=True))
+            + "  "
+            + limited_by
+        )
         if self._bar is not None and self.of in row:
             self._bar.update(self._task, completed=min(abs(row[self.of]), self.total))
 
@@ -106,7 +125,7 @@ class Progress(Silent):
         heads = [(WORDS.get(c, name), unit) for c in self.columns for name, unit in [name_and_unit(c)]]
         self._widths = [max(len(name), len(unit), 9 if unit else 6) for name, unit in heads]
         for k, last in ((0, "limited by"), (1, "")):
-            line = "  ".join(head[k].rjust(width) for head, width in zip(heads, self._widths))
+            line = "  ".join(head[k].rjust(width) for head, width in zip(heads, self._widths, strict=True))
             self._say(f"{line}  {last}".rstrip())
 
     def _say(self, text):
@@ -122,9 +141,17 @@ class Progress(Silent):
         from rich.console import Console
 
         self._bar = progress.Progress(
-            progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("time left"),
-            progress.TimeRemainingColumn(), progress.TextColumn("elapsed"), progress.TimeElapsedColumn(),
-            console=Console(stderr=True), redirect_stdout=False, redirect_stderr=True, transient=True)
+            progress.BarColumn(),
+            progress.TaskProgressColumn(),
+            progress.TextColumn("time left"),
+            progress.TimeRemainingColumn(),
+            progress.TextColumn("elapsed"),
+            progress.TimeElapsedColumn(),
+            console=Console(stderr=True),
+            redirect_stdout=False,
+            redirect_stderr=True,
+            transient=True,
+        )
         self._task = self._bar.add_task("run", total=self.total)
         self._bar.start()
 

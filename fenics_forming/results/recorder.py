@@ -8,6 +8,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
+from ..physics.parallel import highest
 from .fields import FieldWriter
 from .files import on_rank_zero, whole_file
 from .history import History
@@ -129,8 +130,7 @@ class Recorder:
         return 2 ** sum(direction is None or abs(direction[a]) < 0.5 for a in axes)
 
     def _maximum(self, nodal) -> float:
-        local = float(nodal.max())
-        return self.comm.allreduce(local, _max()) if self.comm.size > 1 else local
+        return highest(self.comm, float(nodal.max(initial=-np.inf)))
 
     def _frame(self, state) -> None:
         if state.step == self._last_frame:
@@ -218,11 +218,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
-
-
-def _max():
-    from mpi4py import MPI
-    return MPI.MAX
 
 
 def _peak_memory(comm) -> list[float]:

@@ -25,8 +25,13 @@ class Results:
     history, summary : as in the folder; None: read when asked for
     """
 
-    def __init__(self, folder: Path | str | None, scene=None, history: History | None = None,
-                 summary: dict | None = None):
+    def __init__(
+        self,
+        folder: Path | str | None,
+        scene=None,
+        history: History | None = None,
+        summary: dict | None = None,
+    ):
         self.folder = None if folder is None else Path(folder)
         for name, value in dict(scene=scene, history=history, summary=summary).items():
             if value is not None:
@@ -43,7 +48,9 @@ class Results:
         """
         results = cls(folder)
         if not (results.folder / "history.csv").exists():
-            raise ResultsError(f"'{folder}' holds no results: it has no history.csv; name the folder given to --out")
+            raise ResultsError(
+                f"'{folder}' holds no results: it has no history.csv; name the folder given to --out"
+            )
         return results
 
     @cached_property
@@ -84,7 +91,9 @@ class Results:
     @property
     def tools(self) -> tuple[str, ...]:
         """Names of the tools in the history."""
-        names = (re.fullmatch(r"(?:stroke_(.+)_mm)|(?:force_(.+?)_N(?:_per_mm)?)", c) for c in self.history.columns)
+        names = (
+            re.fullmatch(r"(?:stroke_(.+)_mm)|(?:force_(.+?)_N(?:_per_mm)?)", c) for c in self.history.columns
+        )
         return tuple(dict.fromkeys(m[1] or m[2] for m in names if m))
 
     def main_tool(self, tool: str | None = None) -> str:
@@ -96,10 +105,11 @@ class Results:
             if the history has no such tool.
         """
         if tool is None and self.tools:
-            travel = lambda name: np.ptp(self.stroke(name)) if f"stroke_{name}_mm" in self.history.columns else -1.0  # noqa: E731
-            return max(self.tools, key=travel)
+            return max(self.tools, key=self._travel)
         if tool not in self.tools:
-            raise ResultsError(f"the history has no tool '{tool}'; its tools are {', '.join(self.tools) or 'none'}")
+            raise ResultsError(
+                f"the history has no tool '{tool}'; its tools are {', '.join(self.tools) or 'none'}"
+            )
         return tool
 
     def stroke(self, tool: str | None = None) -> np.ndarray:
@@ -108,11 +118,16 @@ class Results:
 
     def force(self, tool: str | None = None) -> np.ndarray:
         """Force of a tool in every step, (steps,), in :meth:`force_unit`; positive when it pushes."""
-        return self.history.column(self._force_column(self.main_tool(tool)))
+        return self.history.column(self.force_column(self.main_tool(tool)))
 
     def force_unit(self, tool: str | None = None) -> str:
-        """"N", or "N/mm" in plane strain."""
-        return "N/mm" if self._force_column(self.main_tool(tool)).endswith("_per_mm") else "N"
+        """ "N", or "N/mm" in plane strain."""
+        return "N/mm" if self.force_column(self.main_tool(tool)).endswith("_per_mm") else "N"
+
+    def force_column(self, tool: str) -> str:
+        """Name of the column with the force of a tool."""
+        per_mm = f"force_{tool}_N_per_mm"
+        return per_mm if per_mm in self.history.columns else f"force_{tool}_N"
 
     def at(self, *, stroke: float | None = None, time: float | None = None, tool: str | None = None) -> dict:
         """The row at a stroke (mm) of a tool or at a time (s), interpolated linearly between two steps.
@@ -153,11 +168,14 @@ class Results:
         width = max((len(name) for name, _ in lines), default=0)
         where = f" in {self.folder}" if self.folder is not None else ""
         joints = ["├─ "] * (len(lines) - 1) + ["└─ "] * bool(lines)
-        return "\n".join([f"Results{where}"] + [f"{j}{name:<{width}}  {text}" for j, (name, text) in zip(joints, lines)])
+        return "\n".join(
+            [f"Results{where}"]
+            + [f"{j}{name:<{width}}  {text}" for j, (name, text) in zip(joints, lines, strict=True)]
+        )
 
-    def _force_column(self, tool):
-        return next((c for c in self.history.columns if c in (f"force_{tool}_N", f"force_{tool}_N_per_mm")),
-                    f"force_{tool}_N")
+    def _travel(self, tool):
+        there = f"stroke_{tool}_mm" in self.history.columns and len(self.history)
+        return np.ptp(self.stroke(tool)) if there else -1.0
 
     def _file(self, name):
         if self.folder is None or not (self.folder / name).exists():
@@ -196,10 +214,14 @@ def _facts(results):
         until = f", until {last['time_s']:.6g} s" if "time_s" in last else ""
         facts.append(("steps", f"{last.get('step', len(history))}{until}"))
         facts += [(tool, _tool_facts(results, tool)) for tool in results.tools]
-        facts += [(name[len("volume_error_"):], f"volume error {value:.2e}")
-                  for name, value in last.items() if name.startswith("volume_error_")]
+        facts += [
+            (name[len("volume_error_") :], f"volume error {value:.2e}")
+            for name, value in last.items()
+            if name.startswith("volume_error_")
+        ]
         facts += [("Newton", f"{iterations:.1f} iterations per solve") for iterations in _newton(results)]
-        facts += [("wall time", _duration(w)) for w in [summary.get("wall_s", last.get("wall_s"))] if w is not None]
+        wall = summary.get("wall_s", sum(row.get("wall_s", 0.0) for row in history.rows))
+        facts.append(("wall time", _duration(wall)))
     else:
         facts.append(("steps", "none yet"))
     if results.frames:
@@ -213,7 +235,7 @@ def _tool_facts(results, tool):
     parts, columns = [], results.history.columns
     if f"stroke_{tool}_mm" in columns:
         parts.append(f"stroke {format_quantity(results.stroke(tool)[-1], 'mm')}")
-    if results._force_column(tool) in columns and np.isfinite(results.force(tool)).any():
+    if results.force_column(tool) in columns and np.isfinite(results.force(tool)).any():
         largest = np.nanargmax(np.abs(results.force(tool)))
         at = f" at {format_quantity(results.stroke(tool)[largest], 'mm')}" if parts else ""
         scale, prefix = thousands(results.force(tool)[largest])
@@ -223,8 +245,8 @@ def _tool_facts(results, tool):
 
 
 def _newton(results):
-    if "newton_per_solve" in results.summary:
-        return [results.summary["newton_per_solve"]]
+    if "newton_iterations_per_solve" in results.summary:
+        return [results.summary["newton_iterations_per_solve"]]
     if "newton_iterations" in results.history.columns:
         return [float(np.mean(results.history.column("newton_iterations")))]
     return []

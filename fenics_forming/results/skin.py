@@ -1,4 +1,4 @@
-"""The visible part of a frame: a body in the plane, or the surface of a body in space, as straight triangles."""
+"""The visible part of a frame: a body in the plane, or the surface of a body in space, as triangles."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .files import ResultsError
+from .progress import name_and_unit
 
 # VTK order: a triangle of order 2 is seen as four straight ones; the six-node faces of a tetrahedron
 _QUARTERS = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
@@ -49,6 +50,12 @@ class Skin:
             skins.append(cls(points, faces, dict(frame.point_data)))
         return skins[0] if len(skins) == 1 else _joined(skins)
 
+    def full_name(self, name: str) -> str | None:
+        """Name of a field with its unit, given with or without; None if the frame has none."""
+        if name in self.fields:
+            return name
+        return next((key for key in self.fields if name_and_unit(key)[0] == name.replace("_", " ")), None)
+
     def field(self, name: str) -> tuple[str, np.ndarray]:
         """Full name and values of a field; ``name`` may leave out the unit; of a vector the magnitude.
 
@@ -57,15 +64,18 @@ class Skin:
         ResultsError
             if the frame has no such field.
         """
-        full = next((key for key in self.fields if key == name or key.startswith(name + "_")), None)
+        full = self.full_name(name)
         if full is None:
-            raise ResultsError(f"the frame has no field '{name}'; it has {', '.join(sorted(self.fields)) or 'none'}")
+            raise ResultsError(
+                f"the frame has no field '{name}'; it has {', '.join(sorted(self.fields)) or 'none'}"
+            )
         values = self.fields[full]
         return full, values if values.ndim == 1 else np.linalg.norm(values, axis=1)
 
     def mirrored(self, axis: int, at: float) -> Skin:
-        """This skin and its image in the plane where coordinate ``axis`` is ``at``, as one: nodes on the plane are
-        shared, and faces in the plane of a body in space are left out.
+        """This skin and its image in the plane where coordinate ``axis`` is ``at``, as one.
+
+        Nodes on the plane are shared; of a body in space the faces on it, now inside, are left out.
         """
         image = self.points.copy()
         image[:, axis] = 2 * at - image[:, axis]
@@ -101,6 +111,10 @@ def _joined(skins):
     for name in dict.fromkeys(name for s in skins for name in s.fields):
         like = next(s.fields[name] for s in skins if name in s.fields)
         fields[name] = np.concatenate(
-            [s.fields.get(name, np.full((len(s.points),) + like.shape[1:], np.nan)) for s in skins])
-    return Skin(np.concatenate([s.points for s in skins]),
-                np.concatenate([s.faces + start for s, start in zip(skins, starts)]), fields)
+            [s.fields.get(name, np.full((len(s.points),) + like.shape[1:], np.nan)) for s in skins]
+        )
+    return Skin(
+        np.concatenate([s.points for s in skins]),
+        np.concatenate([s.faces + start for s, start in zip(skins, starts, strict=True)]),
+        fields,
+    )

@@ -186,7 +186,7 @@ class Stop(Described):
     Parameters
     ----------
     stroke : of the tool that counts in the steps, mm. time : s. force : of that tool, N (N/mm in plane strain).
-    height : extent of the workpiece along the direction of the drive, mm.
+    height : extent of the modelled part of the workpiece along the direction of the drive, mm.
     """
 
     stroke: Positive(Length) | None = None

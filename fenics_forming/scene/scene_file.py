@@ -1,9 +1,8 @@
 """Scene files: reading and writing TOML, with `--set dotted.key=value`."""
 
 import re
-from pathlib import Path
-
 import tomllib
+from pathlib import Path
 
 from ..errors import SceneError
 from .description import Scene
@@ -62,6 +61,8 @@ def _parsed(path):
         raise SceneError(f"'{path.name}' is not valid TOML ({where}): {reason}", got=str(path)) from None
     except UnicodeDecodeError:
         raise SceneError(f"'{path.name}' is not a text in UTF-8", got=str(path)) from None
+    except (ValueError, RecursionError):  # numbers of thousands of digits, tables nested thousands deep
+        raise SceneError(f"'{path.name}' is not a scene: a number or a nesting is too long", got=str(path)) from None
     except OSError as error:
         raise SceneError(f"'{path}' cannot be read: {error.strerror}", got=str(path)) from None
 
@@ -73,7 +74,7 @@ def _apply(change, values):
         raise SceneError("is not of the form dotted.key=value", key=f"--set {change}", got=change)
     try:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = text.strip()
     here = values
     for number, word in enumerate(words[:-1]):

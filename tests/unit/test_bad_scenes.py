@@ -1,11 +1,16 @@
 """Scenes that cannot be meant: each is refused before any mesh, with its dotted key, in one sentence."""
 
+import copy
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from fenics_forming.errors import SceneError
-from fenics_forming.scene import check, read_scene
+from fenics_forming.scene import Scene, check, read_scene
 
 BILLET = (Path(__file__).parents[2] / "demos" / "scenes" / "billet_upsetting.toml").read_text()
 JARGON = re.compile(r"pydantic|Traceback|validat|type=|input_|ctx|NoneType|<class|object at 0x|\bNone\b|discriminat")
@@ -16,6 +21,7 @@ DRIVE = "tools.upper.drive"
 LAW = "materials.billet.flow_stress"
 PUNCH = "{ kind = 'rectangle', from = [0, %s], to = [%s, 40] }"
 POLYGON = "{ kind = 'polygon', points = %s }"
+ROUND = "{ kind = 'circle', centre = [20, 0], radius = 5 }"
 BOX = "{ kind = 'box', from = [0, 0, 0], to = [10, 10, 15] }"
 
 # changes by `--set`, the key that is named, words of the sentence
@@ -103,7 +109,11 @@ CASES = [
     ([f"{SHAPE}.fillet=-1"], f"{SHAPE}.fillet", "negative"),
     ([f"{SHAPE}.fillet=[1, 2]"], f"{SHAPE}.fillet", "2 radii for 4 points"),
     ([f"{SHAPE}.fillet=1"], f"{SHAPE}.fillet", "axis of rotation"),
-    ([f"{SHAPE}={{ kind = 'circle', centre = [20, 0], radius = 5 }}"], "workpieces.billet.symmetry", "no flat low face"),
+    (
+        [f"{SHAPE}={{ kind = 'circle', centre = [20, 0], radius = 5 }}"],
+        "workpieces.billet.symmetry",
+        "no flat low face",
+    ),
     ([f"{SHAPE}={{ kind = 'file', path = 'part.obj' }}"], f"{SHAPE}.path", "allowed: msh, step, stp, brep"),
     ([f"{SHAPE}={{ kind = 'file', path = 'part.msh' }}"], f"{SHAPE}.path", "does not exist"),
     ([f"{TOOL}={{ kind = 'polyline', points = [[0, 15]] }}"], f"{TOOL}.points", "at least two"),
@@ -137,7 +147,7 @@ CASES = [
         "never reached",
     ),
     (
-        [f"tools.lower={{ shape = {{ kind = 'plane', point = [0, 0], normal = [0, 1] }} }}", "steps.tool=lower"],
+        ["tools.lower={ shape = { kind = 'plane', point = [0, 0], normal = [0, 1] } }", "steps.tool=lower"],
         "steps.tool",
         "does not move",
     ),
@@ -207,3 +217,76 @@ def test_a_bad_set_is_refused_with_its_text(tmp_path, change):
 def test_an_empty_scene_names_everything_that_is_missing(tmp_path):
     error = refused(tmp_path, "")
     assert [p.key for p in error.problems] == ["geometry", "materials", "workpieces", "tools", "steps", "stop"]
+
+
+ROLLING = """
+geometry = "plane_strain"
+[materials.lead]
+flow_stress = { law = "swift", K = 100, prestrain = 0.2, n = 0.3 }
+[workpieces.strip]
+shape = { kind = "polygon", points = [[-30, 0], [-10, 0], [-10, 4], [-30, 4]], fillet = [0, 0, 0.5, 0] }
+material = "lead"
+symmetry = ["y"]
+[tools.roll]
+shape = { kind = "circle", centre = [0, 53], radius = "50 mm" }
+drive = { kind = "rotation", speed = "-10 rpm", centre = [0, 53] }
+friction = { law = "coulomb", coefficient = 0.2 }
+[tools.pusher]
+shape = { kind = "polyline", points = [[-30, 9], [-30, 0]], side = "left" }
+drive = { kind = "table", direction = [1, 0], times = [0, 1, 2], speed = [20, 20, 0] }
+[tools.punch]
+shape = { kind = "rectangle", from = [-28, 4], to = [-20, 9], fillet = 1 }
+[points.nose]
+body = "strip"
+at = [-10, 1]
+[steps]
+time = 0.01
+adaptive = { tolerance = 1e-2 }
+[stop]
+time = 2
+[output]
+fields_every = 5
+"""
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 30),
+    st.floats(),
+    st.text(max_size=6),
+    st.sampled_from(["1 mm", "-1 mm/s", "30 kN", "plane", "box", "3d", "z", "strip", "table", "nan"]),
+    st.lists(st.one_of(st.floats(-50, 50), st.text(max_size=3), st.none()), max_size=4),
+    st.dictionaries(
+        st.sampled_from(["kind", "law", "from", "x"]), st.sampled_from(["plane", "sticking", 3]), max_size=2
+    ),
+)
+
+
+def places(table, above=()):
+    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
+        yield (*above, key)
+        if isinstance(value, (dict, list)):
+            yield from places(value, (*above, key))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from([BILLET, ROLLING]), st.data())
+def test_any_value_anywhere_makes_a_scene_or_a_scene_error(text, data):
+    values = copy.deepcopy(tomllib.loads(text))
+    for _ in range(data.draw(st.integers(1, 2))):
+        *above, last = data.draw(st.sampled_from(list(places(values))))
+        here = values
+        for key in above:
+            here = here[key]
+        here[last] = data.draw(JUNK)
+    try:
+        check(Scene.read(values))
+    except SceneError as error:
+        assert str(error)
+        assert not JARGON.search(str(error).replace("None", "")), str(error)
+
+
+def test_the_rolling_scene_is_in_order():
+    scene = Scene.read(tomllib.loads(ROLLING))
+    assert check(scene) == []
+    assert scene.counting_tool == "pusher"

@@ -5,12 +5,13 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from fenics_forming import laws
 from fenics_forming.errors import FormingError, SceneError
 from fenics_forming.laws.functions import maximum, power
 from fenics_forming.units import Positive, Stress
-from hypothesis import given
-from hypothesis import strategies as st
 
 GRID = {"strain": [0, 0.5, 2], "rate": [0.1, 1, 100], "temperature": [20, 1200]}
 STRESSES = [[[100 + 50 * i + 10 * j - 30 * k for k in range(2)] for j in range(3)] for i in range(3)]

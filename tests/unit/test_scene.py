@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from fenics_forming import laws, scene
 from fenics_forming.errors import SceneError
 from fenics_forming.scene import check, read_scene, write_scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 THIS_ROUND = ("billet_upsetting", "ring_compression")
@@ -281,3 +282,46 @@ def test_several_problems_come_together_one_a_line():
         read_scene(DEMOS / "billet_upsetting.toml", set=["steps.stroke=-1", "stop.stroke=2 kN", "output.field_every=2"])
     assert [problem.key for problem in error.value.problems] == ["steps.stroke", "stop.stroke", "output.field_every"]
     assert str(error.value).count("\n") == 2
+
+
+SPACE = """
+geometry = "3d"
+[materials.lead]
+flow_stress = { law = "constant", value = 20 }
+[workpieces.block]
+shape = { kind = "cylinder", base = [0, 0, 0], axis = [0, 0, 1], radius = 10, height = 20 }
+material = "lead"
+symmetry = ["z"]
+[tools.ball]
+shape = { kind = "sphere", centre = [0, 0, 35], radius = 15 }
+drive = { kind = "speed", velocity = [0, 0, "-1 mm/s"] }
+[tools.container]
+shape = { kind = "cylinder", centre = [0, 0, 0], axis = [0, 0, 1], radius = 10.001, hollow = true }
+[steps]
+stroke = 0.5
+[stop]
+stroke = 5
+height = 15
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("", "", None),
+        ("[0, 0, 35]", "[0, 0, 34]", "tools.ball.shape"),
+        ("10.001", "9.9", "tools.container.shape"),
+        ('"z"', '"x"', "workpieces.block.symmetry"),
+        ('kind = "sphere"', 'kind = "stl", path = "ball.stl"', "tools.ball.shape.centre"),
+        ("axis = [0, 0, 1], radius = 10,", "axis = [0, 0, 0], radius = 10,", "workpieces.block.shape.axis"),
+        ('material = "lead"', 'material = "lead"\nmesh_size = 0.05', "workpieces.block.mesh_size"),
+    ],
+)
+def test_scene_in_space_is_checked_too(old, new, key):
+    values = tomllib.loads(SPACE.replace(old, new, 1) if old else SPACE)
+    if key is None:
+        assert check(scene.Scene.read(values)) == []
+        return
+    with pytest.raises(SceneError) as error:
+        check(scene.Scene.read(values))
+    assert error.value.key == key

@@ -6,11 +6,12 @@ import sys
 
 import numpy as np
 import pytest
-from fenics_forming import units
-from fenics_forming.units import format_quantity
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
+
+from fenics_forming import units
+from fenics_forming.units import format_quantity
 
 
 def read(quantity, value):
@@ -84,6 +85,8 @@ def test_any_text_is_a_quantity_or_a_refusal_never_a_crash(text):
         (units.Length, "-inf mm", "not finite"),
         (units.Length, "1e400 mm", "not finite"),
         (units.Length, 10**400, "not finite"),
+        (units.Length, 1e200, "beyond every sensible size"),
+        (units.Positive(units.Length), "1e-200 mm", "beyond every sensible size"),
         (units.Length, "1 mm**(9**9**9)", "unknown unit"),
         (units.Length, "1 __import__('os')", "unknown unit"),
         (units.AngularSpeed, "40 Hz", "wrong dimension"),

@@ -11,10 +11,10 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem, mesh as dmesh
-from mpi4py import MPI
 
 from ..kinematics import Kinematics
 from ..nodes import Nodes
+from ..parallel import total
 
 DEGREE = {2: 6, 3: 4}   # 4 points per side, 6 per triangle: more than the bulk needs, see notes on the patch test
 TAG = 1
@@ -118,8 +118,7 @@ class ContactFacets:
 
     def integral(self, values: np.ndarray) -> np.ndarray:
         """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""
-        local = values.sum(axis=0)
-        return self._nodes.comm.allreduce(local, MPI.SUM) if self._nodes.comm.size > 1 else local
+        return total(self._nodes.comm, values.sum(axis=0))
 
     def _hats(self) -> np.ndarray:
         cell = self._sub.basix_cell()

@@ -1,0 +1,22 @@
+# Every target sets up what it needs on first use; see env/run.
+RUN = env/run
+
+.PHONY: demo test test-long bench lint shell format
+
+demo:        ## upset the billet and draw it
+	$(RUN) python3 demos/billet_upsetting.py
+
+test:        ## the default test suite
+	$(RUN) python3 -m pytest -n 2 -q
+
+test-long:   ## the long cases too
+	$(RUN) python3 -m pytest -n 2 -q -m "long or not long"
+
+bench:       ## run time against error
+	$(RUN) python3 benchmarks/run_all.py
+
+lint:        ## style and leftovers
+	$(RUN) ruff check .
+
+shell:       ## a shell inside the environment
+	$(RUN) bash

@@ -1,0 +1,42 @@
+"""Meshes and boundary conditions that several verification tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+from fenics_forming import FixedVelocity, meshing
+
+EVERYWHERE = (-np.inf, np.inf)
+
+
+def side(mesh, axis: int, at: float, within=EVERYWHERE) -> np.ndarray:
+    """Facets of a 2-D body on the line x[axis] = at, its other coordinate within the given bounds."""
+    low, high = within
+
+    def on_side(x):
+        other = x[1 - axis]
+        return np.isclose(x[axis], at, atol=1e-9) & (other > low - 1e-9) & (other < high + 1e-9)
+
+    facets = meshing.boundary_facets(mesh, on_side)
+    assert len(facets), f"no facets on x[{axis}] = {at}"
+    return facets
+
+
+def held(facets, velocity) -> list[FixedVelocity]:
+    """Both (or all three) velocity components on facets; None leaves a component free."""
+    return [FixedVelocity(facets, i, v) for i, v in enumerate(velocity) if v is not None]
+
+
+def ring_sector(inner: float, outer: float, radial: int, around: int):
+    """Quarter ring with curved order-2 cells: all nodes, mid-nodes too, lie where polar coordinates put them."""
+    mesh = meshing.rectangle((np.log(inner), 0.0), (np.log(outer), np.pi / 2), (radial, around))
+    radius, angle = np.exp(mesh.geometry.x[:, 0]), mesh.geometry.x[:, 1].copy()
+    mesh.geometry.x[:, 0] = radius * np.cos(angle)
+    mesh.geometry.x[:, 1] = radius * np.sin(angle)
+    on_axis = np.abs(mesh.geometry.x[:, :2]) < 1e-12 * outer
+    mesh.geometry.x[:, :2][on_axis] = 0.0
+    return mesh
+
+
+def observed_orders(sizes, errors) -> np.ndarray:
+    """Exponents p of error ~ size**p between neighbours of a sequence."""
+    return np.diff(np.log(np.abs(errors))) / np.diff(np.log(sizes))
