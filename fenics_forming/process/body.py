@@ -15,6 +15,9 @@ from .integration import Flow
 from .shifting import put_on_tools
 
 
+HOVER = 2e-4   # of the size of a contact facet: a pressed node that hovers less than this above its tool is on it
+
+
 class FlowingBody:
     """Workpiece, solver, tools and drives together; implements ``integration.Body``.
 
@@ -38,6 +41,7 @@ class FlowingBody:
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
         self.seconds = {"contact search": 0.0, "shifting": 0.0}
         self.speed = 0.0
+        self._reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
         self.sunk = 0.0
         self.place(0.0)
 
@@ -55,7 +59,8 @@ class FlowingBody:
         """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it."""
         start = perf_counter()
         self.move_tools(time)
-        self.sunk = put_on_tools(self.x, self.tools, self._boundary) if self.tools else 0.0
+        held = {} if self.workpiece.is_cold else self.contact.pressed_nodes() if self.tools else {}
+        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, self._reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
 
     def search(self, dt: float) -> None:

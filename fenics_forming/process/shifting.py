@@ -58,13 +58,28 @@ def _phi(A, vector, order, terms):
     return total
 
 
-def put_on_tools(x: np.ndarray, tools, candidates: np.ndarray) -> float:
-    """Move, in place, boundary nodes that have sunk into a tool back onto its surface; the greatest depth, mm."""
+def put_on_tools(x: np.ndarray, tools, candidates: np.ndarray, held: dict[str, np.ndarray], reach: float) -> float:
+    """Put boundary nodes onto the tools, in place: those that have sunk in, and those in contact that hover above.
+
+    Parameters
+    ----------
+    x : (nodes, dim) positions, mm
+    candidates : numbers of the nodes that a tool may touch
+    held : tool name → (nodes,) whether a node is pressed against it
+    reach : height up to which a pressed node is drawn down, mm: a node in contact follows its tool, a landing one lands
+
+    Returns
+    -------
+    The greatest depth that was taken back, mm.
+    """
     depth = 0.0
     for tool in tools:
         gap, normal = tool.gap(x[candidates])
-        inside = gap < 0
-        if inside.any():
+        off = gap < 0
+        if off.any():
             depth = max(depth, float(-gap.min()))
-            x[candidates[inside]] -= gap[inside, None] * normal[inside]
+        if tool.name in held:
+            off |= held[tool.name][candidates] & (gap < reach)
+        if off.any():
+            x[candidates[off]] -= gap[off, None] * normal[off]
     return depth

@@ -73,7 +73,7 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path
         plotter.camera_position = "iso"
         plotter.enable_parallel_projection()
         plotter.enable_anti_aliasing("ssaa")
-        plotter.camera.zoom(1.1)
+        plotter.camera.zoom(1.0)
         if path is not None:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
         return plotter.screenshot(None if path is None else str(path), return_img=True)

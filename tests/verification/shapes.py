@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from fenics_forming import FixedVelocity, meshing
 
 EVERYWHERE = (-np.inf, np.inf)

@@ -9,6 +9,7 @@ error, and for that order.
 
 import numpy as np
 import pytest
+
 from fenics_forming import NewtonSettings, laws, meshing, solve_flow
 
 from .shapes import held, observed_orders, side

@@ -75,6 +75,13 @@ class ContactFacets:
         """Take over the positions of the body: the submesh has a geometry of its own."""
         self._sub.geometry.x[:] = self._nodes.mesh.geometry.x[self._node_map]
 
+    def size(self) -> float:
+        """Mean length of a side of the contact facets, mm."""
+        x = self._nodes.x[self.facet_nodes[:, : self.dim]]
+        lengths = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+        sums = total(self._nodes.comm, np.array([lengths.sum(), len(lengths)]))
+        return float(sums[0] / max(sums[1], 1.0))
+
     def trace(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the integration points of a nodal field (nodes[, k]) → (points[, k])."""
         values = nodal[self.facet_nodes]

@@ -150,7 +150,7 @@ def turns_of(points, closed):
     return turns
 
 
-def _refuse_fillet(fillet.max(), points, side, length, cut):
+def _refuse_fillet(fillet, points, side, length, cut):
     most = fillet * length[side] / (cut[side] + np.roll(cut, -1)[side])
     a, b = points[side].tolist(), points[(side + 1) % len(points)].tolist()
     raise SceneError(f"is {fillet:g} mm; the side from {a} to {b} has room for at most {most:.6g} mm",

@@ -203,6 +203,10 @@ class RigidContact:
         local = tool.motion.torque(self.points, tool.traction * self.weights[:, None])
         return float(self.facets.integral(np.array([local])))
 
+    def pressed_nodes(self) -> dict[str, np.ndarray]:
+        """Tool name → (nodes,) whether a node carries pressure of that tool."""
+        return {t.name: self.facets.to_nodes(t.state.pressure, self.weights) > 0 for t in self.tools}
+
     def nodal_pressure(self) -> np.ndarray:
         """Contact pressure at the nodes (nodes,), MPa: hat-weighted mean of the pressure at the points."""
         return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), self.weights)
