@@ -8,6 +8,7 @@ from mpi4py import MPI
 from ..errors import MeshError
 from ..scene import Scene
 from . import meshing
+from .parallel import total
 
 CORNER_SIZE = 0.5      # of the mesh size, at sharp corners of tools: the flow is singular there
 CORNER_REACH = 2.0      # mesh sizes from the body within which a tool corner counts
@@ -138,33 +139,15 @@ def _from_file(workpiece, dim, comm):
 
 
 def _read_msh(path, scale, dim, comm):
-    from dolfinx.io import gmshio
-    problem = mesh = None
-    if comm.rank == 0:
+    def make():
         with meshing.gmsh_model() as gmsh:
-            try:
-                gmsh.merge(path)
-                if not gmsh.model.getEntities(dim):
-                    raise MeshError(f"{path} holds no mesh of dimension {dim}")
-                if not gmsh.model.getPhysicalGroups(dim):
-                    gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)], 1)
-            except Exception as error:  # gmsh raises bare Exceptions
-                problem = f"{path} cannot be read as a mesh: {error}"
-            problem = comm.bcast(problem, 0)
-            if problem is None:
-                mesh = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=dim)[0]
-    else:
-        problem = comm.bcast(None, 0)
-        if problem is None:
-            mesh = gmshio.model_to_mesh(None, comm, 0, gdim=dim)[0]
-    if problem is not None:
-        raise MeshError(problem)
-    if mesh.basix_cell().name not in ("triangle", "tetrahedron"):
-        raise MeshError(f"{path} has cells of kind {mesh.basix_cell().name}; triangles or tetrahedra are needed")
-    mesh.geometry.x[:] *= scale
-    mesh = meshing.order_two(mesh)
+            gmsh.merge(path)
+            gmsh.model.mesh.setOrder(2)
+            x, cells = meshing.split_corner_cells(*meshing.arrays(gmsh, dim), dim)
+            return scale * x, cells
+
+    mesh = meshing.distributed(make, dim, comm)
     local = mesh.topology.index_map(dim).size_local
     p = mesh.geometry.x[mesh.geometry.dofmap[:local, : dim + 1], :dim]
-    sums = np.array([np.linalg.norm(p[:, 1] - p[:, 0], axis=1).sum(), local])
-    sums = comm.allreduce(sums, MPI.SUM)
-    return mesh, float(sums[0] / sums[1])
+    lengths = total(comm, np.array([np.linalg.norm(p[:, 1] - p[:, 0], axis=1).sum(), local]))
+    return mesh, float(lengths[0] / lengths[1])

@@ -7,10 +7,11 @@ from contextlib import contextmanager
 import basix.ufl
 import numpy as np
 from dolfinx import fem, mesh as dmesh
-from dolfinx.io import gmshio
+from dolfinx.io.gmshio import cell_perm_array
 from mpi4py import MPI
 
 from ..errors import MeshError
+from .nodes import EDGES
 
 
 def order_two(mesh: dmesh.Mesh) -> dmesh.Mesh:
@@ -90,27 +91,84 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
 def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.25,
              comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it."""
-    problem = mesh = None
-    if comm.rank == 0:
+    def make():
         with gmsh_model() as gmsh:
-            try:
-                build(gmsh)
-                _sizes(gmsh, size, np.asarray(corners, float).reshape(-1, dim), corner_size, growth)
-                gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)], 1)
-                gmsh.model.mesh.generate(dim)
-                gmsh.model.mesh.setOrder(2)
-            except Exception as error:  # gmsh raises bare Exceptions
-                problem = f"gmsh could not mesh the body: {error}"
-            problem = comm.bcast(problem, 0)
-            if problem is None:
-                mesh = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=dim)[0]
-    else:
-        problem = comm.bcast(None, 0)
-        if problem is None:
-            mesh = gmshio.model_to_mesh(None, comm, 0, gdim=dim)[0]
+            build(gmsh)
+            _sizes(gmsh, size, np.asarray(corners, float).reshape(-1, dim), corner_size, growth)
+            gmsh.model.mesh.generate(dim)
+            gmsh.model.mesh.setOrder(2)
+            return split_corner_cells(*arrays(gmsh, dim), dim)
+
+    return distributed(make, dim, comm)
+
+
+def distributed(make, dim: int, comm) -> dmesh.Mesh:
+    """The mesh of the arrays (positions, cells in basix order) that ``make()`` returns on rank 0."""
+    problem, x, cells = None, np.empty((0, dim)), np.empty((0, _NODES[dim]), np.int64)
+    if comm.rank == 0:
+        try:
+            x, cells = make()
+        except Exception as error:  # gmsh raises bare Exceptions
+            problem = f"gmsh could not mesh the body: {error}"
+    problem = comm.bcast(problem, 0)
     if problem is not None:
         raise MeshError(problem)
-    return mesh
+    element = basix.ufl.element("Lagrange", {2: "triangle", 3: "tetrahedron"}[dim], 2, shape=(dim,))
+    return dmesh.create_mesh(comm, cells.astype(np.int64), x, element)
+
+
+_NODES = {2: 6, 3: 10}
+_GMSH_TYPE = {2: 9, 3: 11}
+
+
+def arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, dim) and quadratic cells (m, 6 or 10), in basix order, of the model."""
+    tags, x, _ = gmsh.model.mesh.getNodes()
+    _, rows = gmsh.model.mesh.getElementsByType(_GMSH_TYPE[dim])
+    if len(rows) == 0:
+        raise MeshError(f"it has no {'triangles' if dim == 2 else 'tetrahedra'}")
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    cells = number[rows.astype(np.int64)].reshape(-1, _NODES[dim])
+    kind = dmesh.CellType.triangle if dim == 2 else dmesh.CellType.tetrahedron
+    cells = cells[:, cell_perm_array(kind, _NODES[dim])]
+    used, cells = np.unique(cells, return_inverse=True)
+    return x.reshape(-1, 3)[used, :dim], cells.reshape(-1, _NODES[dim])
+
+
+def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cut every cell that has more than one side on the boundary into one cell per side, at its centre.
+
+    Where a side of the body folds down onto a tool, such a cell would be pressed flat.
+    """
+    corners = cells[:, : dim + 1]
+    sides = np.sort(np.stack([np.delete(corners, i, axis=1) for i in range(dim + 1)], axis=1), axis=2)
+    _, inverse, counts = np.unique(sides.reshape(-1, dim), axis=0, return_inverse=True, return_counts=True)
+    exterior = (counts[inverse.ravel()] == 1).reshape(-1, dim + 1)
+    cut = exterior.sum(axis=1) > 1
+    if not cut.any():
+        return x, cells
+    old = cells[cut]
+    vertices = x[old[:, : dim + 1]]
+    centre = vertices.mean(axis=1)
+    spokes = 0.5 * (vertices + centre[:, None])
+    first = len(x)
+    k = len(old)
+    centre_number = first + np.arange(k)
+    spoke_number = first + k + np.arange(k * (dim + 1)).reshape(k, dim + 1)
+    x = np.concatenate([x, centre, spokes.reshape(-1, dim)])
+    edges = EDGES[dim]
+    middle = {frozenset(e): old[:, dim + 1 + i] for i, e in enumerate(edges)}
+    new = []
+    for side in range(dim + 1):      # the vertex opposite to the side is replaced by the centre
+        def number(edge, side=side):
+            if side in edge:
+                other = edge[0] if edge[1] == side else edge[1]
+                return spoke_number[:, other]
+            return middle[frozenset(edge)]
+        columns = [centre_number if v == side else old[:, v] for v in range(dim + 1)] + [number(e) for e in edges]
+        new.append(np.stack(columns, axis=1))
+    return x, np.concatenate([cells[~cut], *new])
 
 
 def _sizes(gmsh, size, corners, corner_size, growth):

@@ -112,13 +112,13 @@ class Nodes:
                          highest(self.comm, self.x.max(axis=0, initial=-np.inf))])
 
 
-# basix: edge i of a triangle lies opposite vertex i; the edges of a tetrahedron in its own order
-_EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
+# vertices of the edges in basix order, which is that of the mid-nodes
+EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
 
 
 def _mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Mid-nodes of all edges and the two vertices of each: (m,), (m, 2)."""
     mids = cells[:, dim + 1:].ravel()
-    ends = np.stack([cells[:, list(e)] for e in _EDGES[dim]], axis=1).reshape(-1, 2)
+    ends = np.stack([cells[:, list(e)] for e in EDGES[dim]], axis=1).reshape(-1, 2)
     mids, first = np.unique(mids, return_index=True)
     return mids, ends[first]

@@ -6,16 +6,15 @@ import numpy as np
 
 from fenics_forming import FixedVelocity, meshing
 
-EVERYWHERE = (-np.inf, np.inf)
 
-
-def side(mesh, axis: int, at: float, within=EVERYWHERE) -> np.ndarray:
-    """Facets of a 2-D body on the line x[axis] = at, its other coordinate within the given bounds."""
-    low, high = within
+def side(mesh, axis: int, at: float, within: tuple[float, float] | None = None) -> np.ndarray:
+    """Facets of a body on the line or plane x[axis] = at; ``within`` bounds the other coordinate of a 2-D body."""
 
     def on_side(x):
-        other = x[1 - axis]
-        return np.isclose(x[axis], at, atol=1e-9) & (other > low - 1e-9) & (other < high + 1e-9)
+        found = np.isclose(x[axis], at, atol=1e-9)
+        if within is not None:
+            found &= (x[1 - axis] > within[0] - 1e-9) & (x[1 - axis] < within[1] + 1e-9)
+        return found
 
     facets = meshing.boundary_facets(mesh, on_side)
     assert len(facets), f"no facets on x[{axis}] = {at}"

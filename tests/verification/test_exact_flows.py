@@ -66,6 +66,27 @@ def test_poiseuille_flow_rate_converges_with_order_4(m):
     assert (observed_orders([1 / 4, 1 / 8, 1 / 16], errors) > 3.8).all(), errors
 
 
+@pytest.mark.parametrize(("along", "across"), [(0, 1), (1, 0), (1, 2), (2, 1), (2, 0), (0, 2)])
+def test_power_law_fluid_flows_between_plates_in_3d_whatever_the_axes(along, across):
+    """REFERENCES 5.1, plates with m = 0.5, as a 3-D body: every shear component carries its part."""
+    m, fastest, flow_rate = PLATES[1]
+    high, divisions = [1.0, 1.0, 1.0], [1, 1, 1]
+    high[across], divisions[across] = HALF, 6
+    mesh = meshing.box((0.0, 0.0, 0.0), high, divisions)
+    wide = 3 - along - across
+    sides = [FixedVelocity(side(mesh, wide, at), wide) for at in (0.0, 1.0)]
+    ends = [FixedVelocity(side(mesh, along, at), i) for at in (0.0, 1.0) for i in (across, wide)]
+    force = [0.0, 0.0, 0.0]
+    force[along] = 20.0
+    flow = solve_flow(mesh, kinematics="3d", flow_stress=laws.NortonHoff(K=100, m=m), body_force=tuple(force),
+                      fixed=[*sides, *ends, FixedVelocity(side(mesh, across, 0.0), across),
+                             *held(side(mesh, across, HALF), (0, 0, 0))],
+                      characteristic_rate=fastest / HALF, settings=SETTINGS)
+    # 6 elements: 9e-5 and 1.2e-5 measured
+    assert flow.velocity[np.isclose(flow.x[:, across], 0.0), along] == pytest.approx(fastest, rel=3e-4)
+    assert flow.workpiece.body_force_power() / 20.0 == pytest.approx(flow_rate / 2, rel=2e-4)
+
+
 class Bingham(laws.FlowStress):
     r"""tau = tau_y + mu gamma' in shear.
 

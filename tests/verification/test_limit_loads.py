@@ -37,9 +37,9 @@ def assert_falls_to(exact, pressures, levels):
     # an upper bound, up to the regularisation, which takes about 1e-4 of the power
     assert (errors > -1e-3).all(), f"below the exact load: {shown}"
     assert (np.diff(errors) < 0).all(), f"refinement must lower an upper bound: {shown}"
-    # first order (see above); 0.86 to 1.23 measured, scattered by where the free meshes meet the slip lines
+    # first order (see above); 0.86 to 1.24 measured, scattered by where the free meshes meet the slip lines
     order = observed_orders(np.array(sizes)[[0, -1]], errors[[0, -1]])[0]
-    assert 0.8 < order < 1.4, f"order {order:.2f}: {shown}"
+    assert 0.75 < order < 1.4, f"order {order:.2f}: {shown}"
 
 
 def punch(level, rough):

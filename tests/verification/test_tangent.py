@@ -120,8 +120,7 @@ def rough_block(kind, turn=lambda x: np.zeros_like(x)):
     last = mesh.topology.dim - 1
     fixed = []
     for at, speed in ((0.0, 0.0), (1.0, -1.0)):
-        facets = meshing.boundary_facets(mesh, lambda x, at=at: np.isclose(x[last], at))
-        fixed += [FixedVelocity(facets, i, lambda x, i=i, s=speed: turn(x)[:, i] + s * (i == last))
+        fixed += [FixedVelocity(side(mesh, last, at), i, lambda x, i=i, s=speed: turn(x)[:, i] + s * (i == last))
                   for i in range(last + 1)]
     if kind == "axisymmetric":
         fixed.append(FixedVelocity(side(mesh, 0, 0.0), 0))

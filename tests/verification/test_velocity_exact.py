@@ -52,8 +52,7 @@ class Body(NamedTuple):
 
 def planes(mesh, normals):
     """Symmetry planes through the origin, normal to the given axes."""
-    return [FixedVelocity(meshing.boundary_facets(mesh, lambda x, i=i: np.isclose(x[i], 0, atol=1e-9)), i)
-            for i in normals]
+    return [FixedVelocity(side(mesh, i, 0.0), i) for i in normals]
 
 
 def cylinder(h):
@@ -70,16 +69,12 @@ def plane_block(h):
     return Body(mesh, fixed, 0.5, (1.0, -1.0), PLANE, PLANE_FORCE)
 
 
-def top(mesh, h):
-    return FixedVelocity(meshing.boundary_facets(mesh, lambda x: np.isclose(x[2], h, atol=1e-9)), 2, -1.0)
-
-
 def walled_block(h):
     """Between two frictionless lateral walls 6 mm apart: plane strain."""
     half, depth = 10 * H0 / h, 6.0
     mesh = meshing.box((0, 0, 0), (half, depth, h), (2, 1, 2))
-    wall = meshing.boundary_facets(mesh, lambda x: np.isclose(x[1], depth, atol=1e-9))
-    fixed = [*planes(mesh, (0, 1, 2)), FixedVelocity(wall, 1), top(mesh, h)]
+    fixed = [*planes(mesh, (0, 1, 2)), FixedVelocity(side(mesh, 1, depth), 1),
+             FixedVelocity(side(mesh, 2, h), 2, -1.0)]
     return Body(mesh, fixed, 0.5 * depth, (1.0, 0.0, -1.0), PLANE, PLANE_FORCE)
 
 
@@ -87,7 +82,8 @@ def free_block(h):
     """Four free sides: the cylinder's stress on another area."""
     edge = 10 * np.sqrt(H0 / h)
     mesh = meshing.box((0, 0, 0), (edge, edge, h), (2, 2, 2))
-    return Body(mesh, [*planes(mesh, (0, 1, 2)), top(mesh, h)], 1 / np.pi, (0.5, 0.5, -1.0), 1.0, CYLINDER_FORCE)
+    fixed = [*planes(mesh, (0, 1, 2)), FixedVelocity(side(mesh, 2, h), 2, -1.0)]
+    return Body(mesh, fixed, 1 / np.pi, (0.5, 0.5, -1.0), 1.0, CYLINDER_FORCE)
 
 
 BODIES = {"axisymmetric": [cylinder], "plane_strain": [plane_block], "3d": [walled_block, free_block]}

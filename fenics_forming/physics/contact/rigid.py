@@ -75,6 +75,7 @@ class KnownTool:
     friction: object | None = None
     motion: ToolMotion | None = None
     state: law.PointState | None = field(default=None, repr=False)
+    traction: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def has_friction(self) -> bool:
@@ -104,13 +105,12 @@ class RigidContact:
         self.coefficient: np.ndarray | None = None
         self.dt = 1.0
         self.slip0 = slip_regularisation
-        self.flow_stress = None
-        self.rebuild()
+        self._start()
 
-    def rebuild(self) -> None:
-        """Forget everything that belongs to earlier solves."""
+    def _start(self) -> None:
         for tool in self.tools:
             tool.state = law.PointState.at_rest(self.facets.count, self.facets.dim)
+            tool.traction = np.zeros((self.facets.count, self.facets.dim))
 
     def rebuild_stress(self) -> None:
         """Forget the friction stresses and multipliers: the next solve starts from nothing."""
