@@ -55,7 +55,7 @@ def solve_flow(mesh: Mesh, *, kinematics: Kinematics | str, flow_stress, fixed=(
     ----------
     mesh : a dolfinx mesh of triangles or tetrahedra; raised to order 2 where it is straight-sided
     kinematics : "plane_strain", "axisymmetric" or "3d"
-    flow_stress : a law of ``laws``, or any f(strain, rate, temperature) → MPa with ``depends_on_rate``
+    flow_stress : a law of ``laws``, or your own subclass of ``laws.FlowStress``
     fixed : conditions on the velocity, :class:`FixedVelocity`
     characteristic_rate : tool speed over body size, 1/s; the regularisation is relative to it
     body_force : UFL vector or numbers, N/mm³

@@ -114,7 +114,7 @@ class FlowSolver:
             free = True
             self._linear_solve()
             increment = body.increment.x.array
-            if iteration >= s.damping_from and iteration % 2 == 0:
+            if contact is not None and iteration >= s.damping_from and iteration % 2 == 0:
                 increment *= 0.5
             increment_rate = body.rate_of_increment()
             body.update_stress(rate, increment_rate)

@@ -87,8 +87,12 @@ class Nodes:
             vector.scatter_forward()
         out = np.empty_like(flat)
         out[v] = array[self.scalar_dofs[v]]
-        out[self._edge_mid] = 0.5 * (out[self._edge_ends[:, 0]] + out[self._edge_ends[:, 1]])
-        return out.reshape(values.shape)
+        return self.with_mids(out).reshape(values.shape)
+
+    def with_mids(self, nodal: np.ndarray) -> np.ndarray:
+        """Fill the mid-nodes, in place, with the mean of the ends of their edge: (count[, k])."""
+        nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
+        return nodal
 
     def vertex_mean(self, at_vertices: np.ndarray) -> np.ndarray:
         """Volume-weighted mean at the nodes of values given per cell and vertex, (cells, dim + 1[, k]).
@@ -104,6 +108,7 @@ class Nodes:
                     for k in range(flat.shape[2])]
         sums = self.sum_over_ranks(np.stack(columns, axis=1))
         mean = sums[:, 1:] / sums[:, :1]
+        mean = self.with_mids(mean)
         return mean.reshape((self.count,) + at_vertices.shape[2:])
 
     def extents(self) -> np.ndarray:

@@ -166,7 +166,6 @@ class Workpiece:
     def _fix(self, pressure_datum: bool):
         self._values = fem.Function(self.space)
         chosen = []
-        dim = self.nodes.dim
         for condition in self.fixed:
             nodes = facet_nodes(self.nodes, condition.facets)
             dofs = self.velocity_dofs[nodes, condition.component]
@@ -183,7 +182,6 @@ class Workpiece:
         self.fixed_dofs = dofs
         self._values.x.scatter_forward()
         self.conditions = [fem.dirichletbc(self._values, dofs.astype(np.int32))]
-        _ = dim
 
     def _share(self, dofs: np.ndarray) -> np.ndarray:
         """The same dofs as every rank sees them: a facet's owner need not own its dofs."""
@@ -217,9 +215,7 @@ class Workpiece:
         nodal = np.zeros(self.nodes.count)
         v = self.nodes.is_vertex
         nodal[v] = -self.solution.x.array[self.pressure_dofs[v]]
-        mids, ends = self.nodes._edge_mid, self.nodes._edge_ends
-        nodal[mids] = 0.5 * (nodal[ends[:, 0]] + nodal[ends[:, 1]])
-        return nodal
+        return self.nodes.with_mids(nodal)
 
     def set_start(self, velocity: np.ndarray, mean_stress: np.ndarray) -> None:
         """Take nodal velocities and mean stresses of an earlier solve as the start of the next one."""

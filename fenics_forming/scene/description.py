@@ -87,7 +87,8 @@ class Workpiece(Described):
 
     Parameters
     ----------
-    shape : a body shape. material : name of a material. symmetry : axes; the body's low face on each is a mirror plane.
+    shape : a body shape. material : name of a material. symmetry : axes; the body's low face on each is a mirror plane,
+    a round body is cut in half through its centre.
     mesh_size : mm, chosen from the shape if not given. temperature : degC, constant, for the flow-stress law.
     """
 

@@ -18,7 +18,8 @@ def placement_problems(scene):
         if body.shape.file is not None:
             continue
         size = float(np.ptp(body.shape.bounds(), axis=0).max())
-        if scene.geometry == "axisymmetric" and body.shape.bounds()[0, 0] < -TOLERANCE * size:
+        ball = body.shape.kind == "circle" and body.shape.centre[0] == 0
+        if scene.geometry == "axisymmetric" and body.shape.bounds()[0, 0] < -TOLERANCE * size and not ball:
             low = body.shape.bounds()[0, 0]
             yield SceneError(
                 f"reaches r = {low:g} mm; the radius r is not negative", key=f"{key}.shape", got=float(low)
@@ -82,8 +83,11 @@ def _has_flat_low_face(shape, number, low, size):
     if hasattr(shape, "corners"):
         on_plane = np.abs(shape.corners[:, number] - low) <= TOLERANCE * size
         return bool(np.any(on_plane & np.roll(on_plane, -1)))
+    if shape.kind == "circle":
+        return True          # mirrored through its centre: the half above it is meshed
     if shape.kind == "cylinder":
-        return bool(np.abs(np.array(shape.axis)[number]) > (1 - 1e-12) * np.linalg.norm(shape.axis))
+        along = np.abs(np.array(shape.axis)[number]) / np.linalg.norm(shape.axis)
+        return bool(along > 1 - 1e-12 or along < 1e-12)
     return shape.kind == "box"
 
 

@@ -110,7 +110,7 @@ CASES = [
     ([f"{SHAPE}.fillet=[1, 2]"], f"{SHAPE}.fillet", "2 radii for 4 points"),
     ([f"{SHAPE}.fillet=1"], f"{SHAPE}.fillet", "axis of rotation"),
     (
-        [f"{SHAPE}={{ kind = 'circle', centre = [20, 0], radius = 5 }}"],
+        [f"{SHAPE}={{ kind = 'polygon', points = [[1, 5], [5, 0], [9, 5]] }}"],
         "workpieces.billet.symmetry",
         "no flat low face",
     ),

@@ -311,7 +311,7 @@ height = 15
         ("", "", None),
         ("[0, 0, 35]", "[0, 0, 34]", "tools.ball.shape"),
         ("10.001", "9.9", "tools.container.shape"),
-        ('"z"', '"x"', "workpieces.block.symmetry"),
+        ("axis = [0, 0, 1], radius = 10, height", "axis = [0, 1, 1], radius = 10, height", "workpieces.block.symmetry"),
         ('kind = "sphere"', 'kind = "stl", path = "ball.stl"', "tools.ball.shape.centre"),
         ("axis = [0, 0, 1], radius = 10,", "axis = [0, 0, 0], radius = 10,", "workpieces.block.shape.axis"),
         ('material = "lead"', 'material = "lead"\nmesh_size = 0.05', "workpieces.block.mesh_size"),

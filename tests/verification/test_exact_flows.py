@@ -13,7 +13,7 @@ from .shapes import held, observed_orders, ring_sector, side
 
 HALF = 5.0  # half gap of the plates, radius of the pipe, mm
 # no contact here, so no contact set that could cycle: full Newton steps throughout
-SETTINGS = NewtonSettings(velocity_tolerance=1e-6, regularisation=1e-4, damping_from=1000)
+SETTINGS = NewtonSettings(velocity_tolerance=1e-6, regularisation=1e-4)
 
 
 # ---------------------------------------------------------------------- flow along a channel
@@ -59,7 +59,7 @@ def test_poiseuille_flow_rate_converges_with_order_4(m):
     """REFERENCES 5.1: the power, and with it the flow rate, has twice the order 2 of the strain rate."""
     exact = dict((row[0], row[2]) for row in PIPE)[m]
     rate = 1e-2 * exact
-    fine = NewtonSettings(velocity_tolerance=1e-9, regularisation=1e-7, damping_from=1000)
+    fine = NewtonSettings(velocity_tolerance=1e-9, regularisation=1e-7)
     errors = [driven_flow("axisymmetric", laws.NortonHoff(K=100, m=m), 20.0, n, rate, fine)[1] / exact - 1
               for n in (4, 8, 16)]
     # 4.13 to 4.24 measured
@@ -110,7 +110,7 @@ def test_bingham_plug_is_approached_in_proportion_to_the_regularisation(kind, gr
     law = Bingham(shear_yield=20.0, viscosity=10.0)
     ratios = [1e-1, 1e-2, 1e-3]
     found = np.array([driven_flow(kind, law, gradient, 16, 2.5 / HALF,
-                                  NewtonSettings(velocity_tolerance=1e-6, regularisation=ratio, damping_from=1000))
+                                  NewtonSettings(velocity_tolerance=1e-6, regularisation=ratio))
                       for ratio in ratios])
     errors = found / (2.5, flow_rate) - 1.0
     assert (errors > 0).all(), "the regularised plug creeps, so it can only flow faster"

@@ -19,7 +19,7 @@ K = SIGMA0 / np.sqrt(3.0)
 # elements at the singular corners (in units of the tool), and their growth per unit of distance
 COARSE, MEDIUM, FINE, FINEST = (0.08, 0.5), (0.04, 0.25), (0.02, 0.125), (0.01, 0.0625)
 # no contact here, so no contact set that could cycle: full Newton steps throughout
-SETTINGS = NewtonSettings(velocity_tolerance=1e-3, damping_from=1000)
+SETTINGS = NewtonSettings(velocity_tolerance=1e-3)
 
 
 def tool_pressure(mesh, fixed, tool_width, rate):

@@ -13,7 +13,7 @@ from .shapes import side
 
 LAWS = {"perfect": laws.Constant(value=100), "Norton 0.2": laws.NortonHoff(K=100, m=0.2),
         "Newtonian": laws.NortonHoff(K=100, m=1)}
-TIGHT = NewtonSettings(velocity_tolerance=1e-11, damping_from=1000)
+TIGHT = NewtonSettings(velocity_tolerance=1e-11)
 
 
 def unit_body(kind, law, settings=TIGHT, fixed=(), n=3):
@@ -138,7 +138,7 @@ def test_last_iterations_converge_quadratically(kind, law):
     mesh, fixed = rough_block(kind)
     changes = {}
     for tolerance in 10.0 ** -np.arange(2, 14):
-        settings = NewtonSettings(velocity_tolerance=tolerance, regularisation=0.1, damping_from=1000)
+        settings = NewtonSettings(velocity_tolerance=tolerance, regularisation=0.1)
         body = Workpiece(Nodes(mesh), kinematics=kinematics.KINDS[kind], flow_stress=LAWS[law], fixed=fixed,
                          settings=settings)
         found = FlowSolver(body).solve(strain=np.zeros(body.nodes.count), characteristic_rate=1.0)
