@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+
 import fenics_forming as ff
 from demos.comparison import Compared, compare
 from fenics_forming.results import Progress
@@ -21,7 +23,7 @@ SCENE = Path(__file__).parent / "scenes" / "billet_upsetting.toml"
 HEIGHT = 15.0      # of the upper half, mm; a reduction of 60 % is a stroke of 9 mm
 
 # reduction: (force in kN, half the width of its band), die force on the whole billet
-RIGID_PLASTIC = {0.1: (261.6, 0), 0.2: (307.5, 0), 0.3: (366.0, 0), 0.4: (450.0, 0), 0.5: (588.5, 1.5), 0.6: (865.5, 2.5)}
+RIGID_PLASTIC = {0.1: (261.6, 0), 0.2: (307.5, 0), 0.3: (366, 0), 0.4: (450, 0), 0.5: (588.5, 1.5), 0.6: (865.5, 2.5)}
 ELASTIC_PLASTIC = {0.1: (261, 1), 0.2: (306, 1), 0.3: (364, 3), 0.4: (448, 5), 0.5: (582, 6), 0.6: (854, 15)}
 RADIUS = {"rigid-plastic": (16.54, 0), "elastic-plastic": (16.51, 0.02)}      # of the equator at 60 %, mm
 
@@ -60,10 +62,6 @@ def compared(results: ff.Results, tolerance: float) -> list[Compared]:
 
 def picture(results: ff.Results, path: Path) -> None:
     """The deformed section beside the force over the stroke, with the reference values on it."""
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.2), width_ratios=[1.25, 1], layout="constrained")
     ff.plot_fields(results, "effective_strain", ax=left)
     left.set_title("after a stroke of 9 mm of each die (60 %)", fontsize="medium")
@@ -71,12 +69,13 @@ def picture(results: ff.Results, path: Path) -> None:
     line = right.get_lines()[0]
     line.set(marker="", label="fenics_forming")
     strokes = [q * HEIGHT for q in RIGID_PLASTIC]
-    right.errorbar(strokes, [f for f, _ in ELASTIC_PLASTIC.values()], [b for _, b in ELASTIC_PLASTIC.values()], fmt="s",
-                   color="C1", markersize=5, markerfacecolor="none", capsize=3, label="elastic-plastic reference, its band")
+    forces, bands = zip(*ELASTIC_PLASTIC.values(), strict=True)
+    right.errorbar(strokes, forces, bands, fmt="s", color="C1", markersize=5, markerfacecolor="none", capsize=3,
+                   label="elastic-plastic reference, its band")
     right.plot(strokes, [f for f, _ in RIGID_PLASTIC.values()], "k+", markersize=9, label="rigid-plastic reference")
     right.legend(frameon=False, fontsize="small")
-    right.set(title="", xlabel="stroke of each die (mm)", ylabel="force of a die (kN)")
-    figure.savefig(path, dpi=90)
+    right.set(title="", xlabel="stroke of each die (mm)", ylabel="force of a die (kN)", ylim=(0, 950))
+    figure.savefig(path, dpi=85)
     plt.close(figure)
 
 

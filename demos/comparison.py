@@ -57,8 +57,9 @@ def compare(rows: list[Compared], *, quiet: bool = False) -> None:
     if not quiet:
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         for line in table:
-            cells = [line[0].ljust(widths[0]), *(t.rjust(w) for t, w in zip(line[1:5], widths[1:5], strict=True)), line[5]]
-            print("  ".join(cells))
-    wrong = [f"{row.what}: {row.ours:.5g} instead of {row.reference:.5g} ({row.source})" for row in rows if not row.agrees]
+            numbers = [text.rjust(width) for text, width in zip(line[1:5], widths[1:5], strict=True)]
+            print("  ".join([line[0].ljust(widths[0]), *numbers, line[5]]))
+    wrong = [row for row in rows if not row.agrees]
     if wrong:
-        raise Disagreement("outside the tolerance: " + "; ".join(wrong))
+        raise Disagreement("outside the tolerance: " + "; ".join(
+            f"{row.what}: {row.ours:.5g} instead of {row.reference:.5g} ({row.source})" for row in wrong))

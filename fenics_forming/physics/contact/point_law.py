@@ -48,7 +48,7 @@ class PointState:
                    np.zeros(count, dtype=bool), np.zeros(count))
 
 
-def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: np.ndarray, dt: float,
+def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
                     touching: np.ndarray | None = None) -> None:
     """Update ``pressure`` and ``active``; points in ``touching`` count as active whatever their sign."""
     closing = np.einsum("pi,pi->p", state.tool_velocity - velocity, state.normal)
@@ -68,7 +68,7 @@ def regularised_norm(slip: np.ndarray, slip0: float) -> np.ndarray:
     return np.sqrt(np.einsum("pi,pi->p", slip, slip) + slip0**2)
 
 
-def normal_response(state: PointState, coefficient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def normal_response(state: PointState, coefficient: float) -> tuple[np.ndarray, np.ndarray]:
     """Normal traction on the body (points, dim) and its tangent (points, dim, dim)."""
     n = state.normal
     traction = state.pressure[:, None] * n

@@ -94,15 +94,15 @@ class KnownTool:
 class RigidContact:
     """Penalty contact of a body with several known tools, as one traction field over the contact facets.
 
-    The penalty coefficient C, N/mm³·s, belongs to each facet; :meth:`set_penalty` takes it from the diagonal of the
-    first, linear viscous stiffness on that facet, so it is right on graded meshes too.
+    The penalty coefficient C, N s/mm³, comes from the diagonal of the first, linear viscous stiffness on the contact
+    surface (:meth:`set_penalty`).
     """
 
     def __init__(self, facets: ContactFacets, tools: list[KnownTool], *, slip_regularisation: float = 1e-3,
                  augmented: bool = False):
         self.facets, self.tools = facets, tools
         self.slip_regularisation, self.augmented = slip_regularisation, augmented
-        self.coefficient: np.ndarray | None = None
+        self.coefficient: float | None = None
         self.dt = 1.0
         self.slip0 = slip_regularisation
         self._start()
@@ -129,10 +129,15 @@ class RigidContact:
         return any(t.has_friction for t in self.tools)
 
     def set_penalty(self, stiffness: np.ndarray, area: np.ndarray, factor: float) -> None:
-        """C per facet: ``factor`` times the sum of the stiffness diagonals over the sum of the nodal areas."""
+        """C: ``factor`` times the sum of the stiffness diagonals over the sum of the areas, all contact nodes together.
+
+        One value for the whole surface, so that a uniform pressure sinks in uniformly: with a value for each facet a
+        smooth platen would act like a slightly uneven one, and the uniform flow of a perfectly plastic block in plane
+        strain, which is not unique, would turn into shear bands.
+        """
         nodes = self.facets.facet_nodes
-        per_facet = factor * stiffness[nodes].sum(axis=1) / area[nodes].sum(axis=1)
-        self.coefficient = np.repeat(per_facet, self.facets.points_per_facet)
+        sums = self.facets.integral(np.array([[stiffness[nodes].sum(), area[nodes].sum()]]))
+        self.coefficient = factor * sums[0] / sums[1]
 
     def search(self, positions: np.ndarray, dt: float, speed: float) -> None:
         """Closest points for the body and tools where they are now; ``dt`` s, ``speed`` of the tools mm/s."""

@@ -1,0 +1,47 @@
+"""The demos agree with their references on coarse meshes too, leave a picture, and fail where they do not agree."""
+
+import pytest
+
+from demos import billet_upsetting, ring_compression
+from demos.comparison import Compared, Disagreement, compare
+from fenics_forming import read_scene
+
+
+def test_the_upset_billet_agrees_with_its_references(tmp_path, capsys):
+    results = billet_upsetting.main(coarse=True, out=tmp_path)
+    assert results.summary["stopped"] == "stroke 9 mm reached"
+    assert (tmp_path / "billet.png").stat().st_size > 10_000
+    printed = capsys.readouterr().out
+    assert "deviation" in printed and "force at 60 %" in printed
+
+
+def test_the_rings_give_the_calibration_curves(tmp_path, capsys):
+    runs = ring_compression.main(coarse=True, out=tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "ring.png").stat().st_size > 10_000
+    # the more friction, the smaller the bore at the same height
+    bores = [runs[m].at(stroke=1.475)["bore_middle_r_mm"] for m in sorted(runs)]
+    assert bores == sorted(bores, reverse=True)
+
+
+@pytest.mark.parametrize("demo", [billet_upsetting, ring_compression])
+def test_the_scene_of_a_demo_comes_back_from_its_own_text(demo, tmp_path):
+    scene = read_scene(demo.SCENE)
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert read_scene(tmp_path / "scene.toml") == scene
+
+
+def test_a_value_outside_its_tolerance_is_named_and_stops_the_demo(capsys):
+    good = Compared("radius, mm", 10.05, 10.0, 0.01, "exact")
+    off = Compared("force, kN", 103.0, 100.0, 0.01, "exact")
+    change = Compared("change, %", -2.0, -1.0, 0.5, "exact", relative=False)
+    compare([good])
+    assert "+0.50 %" in capsys.readouterr().out
+    with pytest.raises(Disagreement, match="force, kN: 103 instead of 100") as error:
+        compare([good, off, change])
+    assert "change" in str(error.value) and "radius" not in str(error.value)
+
+
+def test_a_value_that_is_no_number_agrees_with_nothing():
+    with pytest.raises(Disagreement):
+        compare([Compared("force, kN", float("nan"), 100.0, 0.01, "exact")], quiet=True)
