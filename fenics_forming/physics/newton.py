@@ -37,12 +37,13 @@ class FlowSolver:
         self._volume: float | None = None
 
     # ------------------------------------------------------------------ one solve
-    def solve(self, *, strain: np.ndarray, characteristic_rate: float, temperature=None, touching: float = 1e-6
-              ) -> FlowSolution:
+    def solve(self, *, strain: np.ndarray, characteristic_rate: float, temperature=None, touching: float = 1e-6,
+              step: float | None = None) -> FlowSolution:
         """Velocity and mean stress for nodal strains (nodes,) on the present geometry.
 
         characteristic_rate : tool speed over body size, 1/s, which the regularisation is relative to
         temperature : (nodes,) degC or None
+        step : s; ties the rates to those of the solve before (:class:`RateContinuity`), None for a single solve
         touching : gap below which a point counts as closed in the very first guess, mm
 
         Raises
@@ -52,11 +53,13 @@ class FlowSolver:
         """
         ratio = self.settings.regularisation
         history = []
+        self.workpiece.tie_to_last_rate(characteristic_rate, None if self.workpiece.is_cold else step)
         if not self.workpiece.is_cold:
             try:
                 return self._iterate(strain, temperature, characteristic_rate, ratio, ratio, None)
             except ConvergenceError as failure:
                 history.append(str(failure))
+        self.workpiece.tie_to_last_rate(characteristic_rate, None)
         for ladder in ((ratio,), tuple(r for r in (1e-1, 1e-2) if r > ratio) + (ratio,)):
             try:
                 spent = 0
@@ -96,17 +99,19 @@ class FlowSolver:
         rate = body.point_rate()
         body.set_flow_stress(points, rate, heat)
         body.cut_stress(rate)
+        if self._volume is None:
+            self._volume = body.volume()
+        mean = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
+        mean = float(mean[0] / mean[1])
+        self._usual_power = mean * characteristic_rate * self._volume
         if contact is not None:
-            if cold and contact.coefficient is None:
-                self._set_penalty()
+            if contact.coefficient is None:
+                self._set_penalty(mean)
+            contact.scale_penalty(mean)
             if s.augmented and not cold:
                 contact.augment()
             contact.respond(body.velocity, flow_stress=sigma_nodes, touching=touching, slip0=slip0)
             force = contact.forces()
-        if self._volume is None:
-            self._volume = body.volume()
-        mean = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
-        self._usual_power = mean[0] / mean[1] * characteristic_rate * self._volume
         velocity_change = force_change = np.inf
         free = len(body.fixed_dofs) == 0 or self._satisfied()
         for iteration in range(1, s.max_iterations + 1):
@@ -124,7 +129,7 @@ class FlowSolver:
                 body.rate0.value = ratio * characteristic_rate
                 body.tau[:] = 0.0
             rate = body.point_rate()
-            if body.law.depends_on_rate or (cold and iteration == 1):
+            if body.law.depends_on_rate or body.continuity is not None or (cold and iteration == 1):
                 body.set_flow_stress(points, rate, heat)
                 if contact is not None and contact.needs_flow_stress and body.law.depends_on_rate:
                     sigma_nodes = self._nodal_flow_stress(strain, temperature, characteristic_rate, body.nodal_rate())
@@ -145,6 +150,7 @@ class FlowSolver:
             if velocity_change < s.velocity_tolerance and force_change < s.force_tolerance \
                     and iteration > 1 + 2 * cold and self._power_imbalance() < s.power_tolerance:
                 body.is_cold = False
+                body.keep_rate(rate, characteristic_rate)
                 return FlowSolution(iteration, velocity_change, force_change)
         raise ConvergenceError(f"after {s.max_iterations} iterations the velocities still change by {velocity_change:.1e} "
                                f"and the contact forces by {force_change:.1e} (regularisation {ratio:.1e})")
@@ -160,7 +166,7 @@ class FlowSolver:
                 else body.nodal_rate()
         return np.broadcast_to(body.law(strain, np.maximum(nodal_rate, floor), temperature), strain.shape)
 
-    def _set_penalty(self):
+    def _set_penalty(self, flow_stress: float):
         body, contact = self.workpiece, self.workpiece.contact
         contact.silence()
         self._assemble(lifting=False, matrix_only=True)
@@ -168,7 +174,8 @@ class FlowSolver:
         body.increment.x.petsc_vec.setArray(diagonal.array)
         body.increment.x.scatter_forward()
         stiffness = body.increment.x.array[body.velocity_dofs]
-        contact.set_penalty(stiffness.mean(axis=1), body.nodal_areas(), self.settings.penalty_factor)
+        contact.set_penalty(stiffness.mean(axis=1), body.nodal_areas(), self.settings.penalty_factor,
+                            flow_stress)
 
     def _assemble(self, lifting: bool, matrix_only: bool = False):
         start = perf_counter()

@@ -65,6 +65,26 @@ class FixedVelocity:
     value: float | object = 0.0
 
 
+@dataclass(frozen=True)
+class RateContinuity:
+    r"""Ties the strain rate of a material point to that of the solve before, as an implicit step would.
+
+    The velocities of rigid-plastic flow are not unique (a smooth block in plane strain may flow in any bands), and in
+    compression it is the change of shape and the hardening *during the step* that decide. Both enter to first order as
+    :math:`\bar\sigma\,[1+\Delta t(\dot{\bar\varepsilon}-\dot{\bar\varepsilon}_{ref})]`: nothing where the rate goes on
+    as before, an increment of the size of the strain increment where it jumps.
+
+    rate : (points,) 1/s, the rates of the solve before, scaled by the change of the characteristic rate · step : s
+    """
+
+    rate: np.ndarray
+    step: float
+
+    def factor(self, rate: np.ndarray) -> np.ndarray:
+        """What the flow stress is multiplied by, (points,)."""
+        return np.maximum(1.0 + self.step * (rate - self.rate), 0.5)
+
+
 class Workpiece:
     """Spaces, terms and point data of one flowing body.
 
@@ -107,6 +127,8 @@ class Workpiece:
         self.strain_rate = np.zeros((len(nodes.cells) * len(points), kinematics.components))
         self.tau = np.zeros_like(self.strain_rate)
         self.is_cold = True
+        self.continuity: RateContinuity | None = None
+        self._last_rate: tuple[np.ndarray, float] | None = None
 
     # ------------------------------------------------------------------ forms
     def _compile(self, points, body_force, degree):
@@ -261,15 +283,29 @@ class Workpiece:
     def set_flow_stress(self, strain, rate, temperature) -> None:
         """Flow stress and its rate sensitivity at the integration points."""
         sigma = np.broadcast_to(self.law(strain, rate, temperature), rate.shape)
+        c = np.ones_like(rate)
+        if self.law.depends_on_rate:
+            c -= rate * self.law.rate_derivative(strain, rate, temperature) / sigma
+        if self.continuity is not None:
+            factor = self.continuity.factor(rate)
+            sigma = sigma * factor
+            c -= self.continuity.step * rate / factor
+        c = np.clip(c, 0.0, 1.0)
         self.sigma = sigma
         self._sigma.x.array[: sigma.size] = sigma
-        if self.law.depends_on_rate:
-            slope = self.law.rate_derivative(strain, rate, temperature)
-            c = np.clip(1.0 - rate * slope / sigma, 0.0, 1.0)
-        else:
-            c = np.ones_like(rate)
         self.softening = c
         self._softening.x.array[: c.size] = c
+
+    def keep_rate(self, rate: np.ndarray, characteristic_rate: float) -> None:
+        """Remember the rates of a converged solve for the next one."""
+        self._last_rate = (rate, characteristic_rate)
+
+    def tie_to_last_rate(self, characteristic_rate: float, step: float | None) -> None:
+        """Use the remembered rates in the solve to come, over a step in s; without either, nothing is tied."""
+        self.continuity = None
+        if self._last_rate is not None and step is not None:
+            rate, before = self._last_rate
+            self.continuity = RateContinuity(rate * characteristic_rate / before, step)
 
     def cut_stress(self, rate) -> None:
         """Cut the independent stress to the flow stress and hand it to the tangent."""

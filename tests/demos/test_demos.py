@@ -1,5 +1,8 @@
 """The demos agree with their references on coarse meshes too, leave a picture, and fail where they do not agree."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from demos import billet_upsetting, ring_compression
@@ -45,3 +48,30 @@ def test_a_value_outside_its_tolerance_is_named_and_stops_the_demo(capsys):
 def test_a_value_that_is_no_number_agrees_with_nothing():
     with pytest.raises(Disagreement):
         compare([Compared("force, kN", float("nan"), 100.0, 0.01, "exact")], quiet=True)
+
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    """The code blocks of the README in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.S | re.M)
+
+
+def test_the_scene_of_the_readme_is_that_of_the_demo(tmp_path):
+    (block,) = blocks("toml")
+    (tmp_path / "scene.toml").write_text(block, encoding="utf-8")
+    shown, demo = (read_scene(path).as_table() for path in (tmp_path / "scene.toml", billet_upsetting.SCENE))
+    assert {**shown, "title": ""} == {**demo, "title": ""}
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_the_python_of_the_readme_runs(number, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(blocks("python")[number], f"README.md, block {number}", "exec"), {})
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
+def test_what_the_readme_links_to_is_there(target):
+    assert (Path(__file__).parents[2] / target).exists()

@@ -26,7 +26,7 @@ PLANE_STRAIN = {  # N/mm
 STROKES = (5.0, 10.0, 14.0)
 
 
-def compressed(law, geometry, *, steps=40, stop=14.0):
+def compressed(law, geometry, *, steps=70, stop=14.0):
     """Half of a body 20 mm high between a mirror plane and a smooth platen at 1 mm/s."""
     scene = Scene.read({
         "geometry": geometry, "materials": {"m": {"flow_stress": LAWS[law]}},

@@ -103,7 +103,7 @@ class RigidContact:
         self.facets, self.tools = facets, tools
         self.slip_regularisation, self.augmented = slip_regularisation, augmented
         self.coefficient: float | None = None
-        self.dt = 1.0
+        self.dt = self._speed = 1.0
         self.slip0 = slip_regularisation
         self._start()
 
@@ -128,7 +128,7 @@ class RigidContact:
     def needs_flow_stress(self) -> bool:
         return any(t.has_friction for t in self.tools)
 
-    def set_penalty(self, stiffness: np.ndarray, area: np.ndarray, factor: float) -> None:
+    def set_penalty(self, stiffness: np.ndarray, area: np.ndarray, factor: float, flow_stress: float) -> None:
         """C: ``factor`` times the sum of the stiffness diagonals over the sum of the areas, all contact nodes together.
 
         One value for the whole surface, so that a uniform pressure sinks in uniformly: with a value for each facet a
@@ -137,12 +137,22 @@ class RigidContact:
         """
         nodes = self.facets.facet_nodes
         sums = self.facets.integral(np.array([[stiffness[nodes].sum(), area[nodes].sum()]]))
-        self.coefficient = factor * sums[0] / sums[1]
+        self._reference = factor * sums[0] / sums[1] * self._speed / flow_stress
+        self.scale_penalty(flow_stress)
 
-    def search(self, positions: np.ndarray, dt: float, speed: float) -> None:
-        """Closest points for the body and tools where they are now; ``dt`` s, ``speed`` of the tools mm/s."""
+    def scale_penalty(self, flow_stress: float) -> None:
+        """C follows the viscosity: in proportion to the mean flow stress, MPa, over the speed of the tools."""
+        self.coefficient = self._reference * flow_stress / self._speed
+
+    def set_speed(self, speed: float) -> None:
+        """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to."""
+        self._speed = max(speed, 1e-30)
+        self.slip0 = self.slip_regularisation * self._speed
+
+    def search(self, positions: np.ndarray, dt: float) -> None:
+        """Closest points for the body and tools where they are now; contact looks ahead by ``dt``, s."""
         self.facets.follow()
-        self.dt, self.slip0 = dt, self.slip_regularisation * speed
+        self.dt = dt
         self.points = self.facets.trace(positions)
         self.weights = self.facets.weights()
         for tool in self.tools:

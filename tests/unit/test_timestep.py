@@ -1,0 +1,139 @@
+"""The length of the next step: what is hit exactly, what cuts it, what lets it grow."""
+
+import numpy as np
+import pytest
+
+from fenics_forming.process.timestep import Adaptivity, StepChoice
+
+
+def walk(choice, end, rates=lambda t: None, error=np.inf, most=1000):
+    """Times, steps and reasons of a run to ``end`` on which every step succeeds."""
+    time, times, steps, reasons = 0.0, [], [], []
+    while time < end * (1 - 1e-12) and len(times) < most:
+        limit = choice.next(time, rates(time))
+        choice.succeeded(error, 10.0)
+        time += limit.dt
+        times.append(time)
+        steps.append(limit.dt)
+        reasons.append(limit.reason)
+    return np.array(times), np.array(steps), reasons
+
+
+def test_equal_steps_add_up_to_the_stop():
+    """36 steps of 0.25 to 9: all the same, the last one too, none left over by rounding."""
+    times, steps, reasons = walk(StepChoice(lambda t: 0.25, [9.0]), 9.0)
+    assert len(times) == 36 and set(reasons) == {"step"}
+    assert steps == pytest.approx(0.25, rel=1e-9) and times[-1] == 9.0
+    # a tenth is no binary fraction: 100 of them do not add up to 10 by themselves
+    times, steps, _ = walk(StepChoice(lambda t: 0.1, [10.0]), 10.0)
+    assert len(times) == 100 and times[-1] == pytest.approx(10.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("adaptivity", [None, Adaptivity()])
+def test_landmarks_are_hit_exactly(adaptivity):
+    """Frames at given strokes and the stop, in any order, also closer together than a step."""
+    landmarks = [1.0, 0.33, 0.34, 0.77, 1 / 3]
+    times, steps, reasons = walk(StepChoice(lambda t: 0.1, landmarks, adaptivity), 1.0)
+    for landmark in landmarks:
+        assert np.abs(times - landmark).min() < 1e-15 * 4
+    assert steps.max() <= 0.1 * (1 + 1e-9) and steps.min() > 1e-3
+    assert "target" in reasons
+    assert times[-1] == pytest.approx(1.0, abs=1e-15)
+
+
+def test_step_before_a_landmark_is_halved_rather_than_leaving_a_sliver():
+    """Adaptive steps: with 1.1 steps left it takes two of 0.55; equal steps keep their length."""
+    adaptive, equal = (StepChoice(lambda t: 1.0, [1.1], a) for a in (Adaptivity(), None))
+    assert adaptive.next(0.0).dt == pytest.approx(0.55)
+    assert equal.next(0.0).dt == 1.0 and equal.next(1.0).dt == pytest.approx(0.1)
+
+
+def test_cut_halves_and_success_doubles_up_to_the_wanted_step():
+    choice = StepChoice(lambda t: 1.0)
+    assert [choice.failed() and choice.next(0.0).dt for _ in range(3)] == [0.5, 0.25, 0.125]
+    assert choice.next(0.0).reason == "cut"
+    grown = []
+    for _ in range(4):
+        choice.succeeded(np.inf, 10.0)
+        grown.append(choice.next(0.0).dt)
+    assert grown == [0.25, 0.5, 1.0, 1.0]
+    assert choice.next(0.0).reason == "step"
+
+
+@pytest.mark.parametrize(("least", "cuts"), [(0.5, 1), (0.1, 3), (1e-3, 9)])
+def test_step_shorter_than_the_least_fraction_fails(least, cuts):
+    choice = StepChoice(lambda t: 7.0, min_fraction=least)
+    allowed = 0
+    while choice.failed():
+        allowed += 1
+        assert choice.next(0.0).dt >= 7.0 * least
+    assert allowed == cuts
+
+
+def test_wanted_step_may_change_with_time():
+    """A stroke per step is a time per step that depends on the speed of the tool."""
+    choice = StepChoice(lambda t: 0.1 + t)
+    assert [choice.next(t).dt for t in (0.0, 1.0)] == pytest.approx([0.1, 1.1])
+
+
+def test_adaptive_step_limits_the_strain_increment():
+    """98 % of the nodes strain by no more than the limit; single nodes at corners may."""
+    rates = np.full(100, 2.0)
+    rates[-1] = 1e3
+    limit = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(max_strain_increment=0.05)).next(0.0, rates)
+    assert limit.dt * 2.0 == pytest.approx(0.05, rel=1e-9) and limit.reason == "strain"
+    slow = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(max_strain_increment=0.05)).next(0.0, rates / 1e4)
+    assert slow.dt == 1.0 and slow.reason == "step"
+    assert StepChoice(lambda t: 1.0).next(0.0, 1e6 * rates).dt == 1.0, "equal steps do not look at the strain"
+
+
+def test_strain_limit_does_not_go_below_the_least_fraction():
+    limit = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(), min_fraction=0.01).next(0.0, np.full(9, 1e9))
+    assert limit.dt == pytest.approx(0.01)
+
+
+def test_rest_does_not_limit_the_step():
+    """No flow yet: all rates are zero."""
+    assert StepChoice(lambda t: 1.0, adaptivity=Adaptivity()).next(0.0, np.zeros(5)).dt == 1.0
+
+
+def test_error_control_finds_the_step_whose_error_is_the_tolerance():
+    """The predictor's error is c dt²: from a step that is too long the choice settles near 0.9 of the ideal one."""
+    tolerance, size, c = 1e-3, 10.0, 4.0
+    choice = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(tolerance=tolerance))
+    taken = []
+    for _ in range(12):
+        dt = choice.next(0.0).dt
+        taken.append(dt)
+        choice.succeeded(c * dt**2, size)
+    ideal = np.sqrt(tolerance * size / c)
+    assert taken[0] == 1.0 and taken[1] == pytest.approx(0.3), "no more than to 0.3 at once"
+    assert taken[-1] == pytest.approx(0.9 * ideal, rel=1e-3)
+    assert choice.next(0.0).reason == "error"
+
+
+def test_error_four_times_the_tolerance_halves_the_step_but_for_the_safety_factor():
+    choice = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(tolerance=1e-3))
+    choice.succeeded(4e-3 * 10.0, 10.0)
+    assert choice.next(0.0).dt == pytest.approx(0.45)
+
+
+def test_small_error_lets_the_step_grow_by_half_at_most():
+    choice = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(tolerance=1e-3))
+    for _ in range(4):
+        choice.failed()
+    grown = []
+    for _ in range(8):
+        choice.succeeded(1e-12, 10.0)
+        grown.append(choice.next(0.0).dt)
+    assert grown == pytest.approx(np.minimum(1.0, 1.5 ** np.arange(1, 9) / 16))
+
+
+def test_cut_shortens_a_step_that_the_strain_had_limited_already():
+    """A step that failed must not be tried again at the same length."""
+    choice = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(max_strain_increment=0.05))
+    rates = np.full(10, 1.0)
+    first = choice.next(0.0, rates).dt
+    assert first == pytest.approx(0.05)
+    assert choice.failed(first)
+    assert choice.next(0.0, rates).dt == pytest.approx(first / 2)
