@@ -232,7 +232,7 @@ class Simulation:
                 body.restore(before)
                 self.scheme = scheme
                 body.move_tools(state.time)
-                if not self.choice.failed():
+                if not self.choice.failed(state.time, limit.dt):
                     raise ConvergenceError(f"step {state.step + 1} fails however short it is: {failure}",
                                            history=failure.history, advice=failure.advice) from failure
                 observer.note(f"step {state.step + 1} cut: {failure}")

@@ -149,9 +149,12 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
     if not cut.any():
         return x, cells
     old = cells[cut]
-    vertices = x[old[:, : dim + 1]]
-    centre = vertices.mean(axis=1)
-    spokes = 0.5 * (vertices + centre[:, None])
+    # the new nodes lie where the quadratic map of the old cell takes them, so that its Jacobian is theirs:
+    # straight spokes would invert the cells behind a curved side
+    middle_of = np.full((1, dim + 1), 1 / (dim + 1))
+    placed = np.einsum("pa,kad->kpd", _quadratic_shapes(np.concatenate(
+        [middle_of, 0.5 * (np.eye(dim + 1) + middle_of)]), dim), x[old])
+    centre, spokes = placed[:, 0], placed[:, 1:]
     first = len(x)
     k = len(old)
     centre_number = first + np.arange(k)
@@ -169,6 +172,13 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
         columns = [centre_number if v == side else old[:, v] for v in range(dim + 1)] + [number(e) for e in edges]
         new.append(np.stack(columns, axis=1))
     return x, np.concatenate([cells[~cut], *new])
+
+
+def _quadratic_shapes(barycentric: np.ndarray, dim: int) -> np.ndarray:
+    """Quadratic shape functions, in basix order, at barycentric coordinates (p, dim + 1): (p, 6 or 10)."""
+    ends = np.array(EDGES[dim])
+    return np.concatenate([barycentric * (2 * barycentric - 1),
+                           4 * barycentric[:, ends[:, 0]] * barycentric[:, ends[:, 1]]], axis=1)
 
 
 def _sizes(gmsh, size, corners, corner_size, growth):

@@ -23,7 +23,8 @@ def known_tools(scene: Scene) -> list[KnownTool]:
         try:
             surface = surface_of(tool, scene)
         except SceneError as error:
-            raise SceneError(str(error), key=f"tools.{name}.shape.{error.key}", got=error.got) from error
+            sentence = str(error).removeprefix(f"{error.key}: ")
+            raise SceneError(sentence, key=f"tools.{name}.shape.{error.key}", got=error.got) from error
         friction = tool.friction if tool.friction.law != "none" else None
         tools.append(KnownTool(name, surface, friction))
     return tools
@@ -78,8 +79,9 @@ def _past_the_mirrors(corners, radii, tool: Tool, scene: Scene):
             before, behind = on[i - 1], on[(i + 1) % n]
             beyond = points[i].copy()
             beyond[axis] -= reach
-            add = [(beyond, 0.0), (points[i], radii[i])] if before and on[i] else \
-                  [(points[i], radii[i]), (beyond, 0.0)] if behind and on[i] else [(points[i], radii[i])]
+            here, there = (points[i], radii[i]), (beyond, 0.0)
+            first, last = on[i] and behind, on[i] and before     # of a side on the mirror; both in its middle
+            add = [there] if first and last else [here, there] if first else [there, here] if last else [here]
             out += [p for p, _ in add]
             rounds += [r for _, r in add]
         points, radii = np.array(out), np.array(rounds)

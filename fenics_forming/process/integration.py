@@ -2,7 +2,7 @@
 
 Each scheme gets the flow at the start of the step already solved and leaves positions and strain at its end.
 ``solve(time, strain, dt)`` places the tools, puts sunken nodes back, and solves the flow on the present geometry;
-dt is what the contact looks ahead.
+dt is what the contact looks ahead, step (dt, if not given) the step to which the solve belongs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Body(Protocol):
 
     x: np.ndarray
 
-    def solve(self, time: float, strain: np.ndarray, dt: float) -> Flow: ...
+    def solve(self, time: float, strain: np.ndarray, dt: float, step: float | None = None) -> Flow: ...
 
     def place(self, time: float) -> None: ...
 
@@ -89,7 +89,7 @@ class Midpoint:
         x0 = body.x.copy()
         body.x[:] = shifting.explicit(x0, start.velocity, dt / 2)
         body.place(time + dt / 2)
-        middle = body.solve(time + dt / 2, strain + dt / 2 * start.rate, dt / 2)
+        middle = body.solve(time + dt / 2, strain + dt / 2 * start.rate, dt / 2, step=dt)
         body.x[:] = shifting.explicit(x0, middle.velocity, dt)
         body.place(time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())

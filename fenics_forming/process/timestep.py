@@ -62,9 +62,11 @@ class StepChoice:
                 return Limit(0.5 * left, reason)   # two even steps instead of one long and one tiny
         return Limit(dt, reason)
 
-    def failed(self) -> bool:
-        """Halve the step; False where it would become too short."""
-        self._fraction *= 0.5
+    def failed(self, time: float, tried: float) -> bool:
+        """Halve the step ``tried`` from ``time`` on; False where it would become too short."""
+        # a step that the strain had limited must become shorter too, not only the wanted one
+        shortened = max(tried / self._nominal(time), 2 * self.min_fraction)
+        self._fraction = 0.5 * min(self._fraction, shortened)
         self._reason = "cut"
         return self._fraction >= self.min_fraction
 

@@ -143,11 +143,18 @@ def test_quarter_of_a_tool_goes_on_beyond_both_mirror_planes():
     assert gap(found, (0.1, 0.1), (0, 5), (5, 0.1)) == pytest.approx([-3.9, -1, 1])
 
 
-def test_tip_on_the_axis_stays_a_tip():
-    """A cone that touches the axis in one point has no side there."""
-    cone = scene.Polygon(points=[(0, 0), (4, 4), (0, 4)])
-    found = surface(cone, "axisymmetric")
-    assert gap(found, (1, 0), (0.1, 3)) == pytest.approx([np.sqrt(0.5), -2.9 / np.sqrt(2)])
+def test_cone_that_ends_on_the_axis_has_no_surface_along_it():
+    """Its mantle is at 45°: near the axis the way out is to the mantle."""
+    found = surface(scene.Polygon(points=[(0, 0), (4, 4), (0, 4)]), "axisymmetric")
+    assert gap(found, (1, 0), (0.1, 1)) == pytest.approx([np.sqrt(0.5), -0.9 / np.sqrt(2)])
+
+
+def test_side_of_several_points_on_the_mirror_plane_is_no_surface_either():
+    """The same half punch with points in between on the mirror plane."""
+    corners = [(0, 10), (4, 10), (4, 20), (0, 20), (0, 17), (0, 13)]
+    plain, pointed = (surface(scene.Polygon(points=p), symmetry=["x"]) for p in (corners[:4], corners))
+    x = np.random.default_rng(2).uniform((0, 5), (8, 25), (300, 2))
+    assert gap(pointed, *x) == pytest.approx(gap(plain, *x), abs=1e-12)
 
 
 # ---------------------------------------------------------------------- files
