@@ -19,8 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     except SceneError as error:
         return _say_on_one_rank(f"error: {error}", BAD_SCENE)
     except ConvergenceError as error:
-        advice = f"\n{error.advice}" if getattr(error, "advice", "") else ""
-        return _say_on_one_rank(f"the run failed: {error}{advice}", FAILED)
+        return _say_on_one_rank(f"the run failed: {error}", FAILED)
     except FormingError as error:
         return _say_on_one_rank(f"error: {error}", BAD_SCENE)
     except KeyboardInterrupt:

@@ -60,5 +60,5 @@ class ConvergenceError(FormingError):
     """
 
     def __init__(self, sentence, *, history=(), advice=""):
-        self.history, self.advice = list(history), advice
-        super().__init__(f"{sentence} {advice}".strip())
+        self.sentence, self.history, self.advice = sentence, list(history), advice
+        super().__init__(f"{sentence}; {advice}" if advice else sentence)

@@ -31,20 +31,13 @@ class Kinematics:
     components: int
     axes: str
 
-    def strain_rate(self, v, x=None):
-        r"""Strain rate :math:`D = \mathrm{sym}\,\nabla v` as a Mandel vector, 1/s.
-
-        ``x`` (axisymmetric only) is the coordinate field; where given, points on the axis take the limit
-        :math:`v_r/r \to \partial v_r/\partial r`, which only evaluation at nodes needs.
-        """
+    def strain_rate(self, v):
+        r"""Strain rate :math:`D = \mathrm{sym}\,\nabla v` as a Mandel vector, 1/s (in axisymmetry not on the axis)."""
         g = ufl.grad(v)
         if self.name == "plane_strain":
             return ufl.as_vector([g[0, 0], g[1, 1], (g[0, 1] + g[1, 0]) / SQRT2])
         if self.name == "axisymmetric":
-            if x is None:
-                hoop = v[0] / ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(v))[0]
-            else:
-                hoop = ufl.conditional(ufl.gt(x[0], 1e-12), v[0] / x[0], g[0, 0])
+            hoop = v[0] / ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(v))[0]
             return ufl.as_vector([g[0, 0], g[1, 1], hoop, (g[0, 1] + g[1, 0]) / SQRT2])
         return ufl.as_vector([g[0, 0], g[1, 1], g[2, 2], (g[1, 2] + g[2, 1]) / SQRT2,
                               (g[0, 2] + g[2, 0]) / SQRT2, (g[0, 1] + g[1, 0]) / SQRT2])

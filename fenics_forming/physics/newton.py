@@ -113,7 +113,7 @@ class FlowSolver:
             contact.respond(body.velocity, flow_stress=sigma_nodes, touching=touching, slip0=slip0)
             force = contact.forces()
         velocity_change = force_change = np.inf
-        free = len(body.fixed_dofs) == 0 or self._satisfied()
+        free = self._satisfied()
         for iteration in range(1, s.max_iterations + 1):
             self._assemble(lifting=not free)
             free = True
@@ -224,6 +224,7 @@ class FlowSolver:
         self.seconds["linear solve"] += perf_counter() - start
 
     def _satisfied(self) -> bool:
+        """Whether the fixed velocities have their values; collective, also for a rank that has none."""
         body = self.workpiece
         error = np.abs(body.solution.x.array[body.fixed_dofs] - body._values.x.array[body.fixed_dofs])
         worst = float(error.max()) if error.size else 0.0

@@ -20,11 +20,9 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from .kinematics import Kinematics
-from .nodes import Nodes
+from .nodes import QUADRATURE_DEGREE, Nodes
 from .parallel import total
 from .settings import NewtonSettings
-
-QUADRATURE_DEGREE = {2: 3, 3: 2}
 
 
 # ---------------------------------------------------------------------- terms of the virtual power
@@ -120,6 +118,8 @@ class Workpiece:
         self.rate0 = fem.Constant(mesh, 1.0)
         points, _ = basix.make_quadrature(cell, degree)
         self._hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
+        linear = np.column_stack([np.ones(len(points)), points])
+        self._to_vertices = np.column_stack([np.ones(dim + 1), basix.geometry(cell)]) @ np.linalg.pinv(linear)
         self._compile(points, body_force, degree)
 
         self.fixed = tuple(fixed)
@@ -167,8 +167,6 @@ class Workpiece:
         u = ufl.split(self.increment)[0]
         self._rate_of_increment = fem.Expression(D(u), points)
         corners = basix.geometry(mesh.basix_cell())
-        Dx = kin.strain_rate(v, x)
-        self._rate_at_vertices = fem.Expression(ufl.sqrt(2 / 3 * ufl.dot(Dx, Dx)), corners)
         self._gradient_at_vertices = fem.Expression(ufl.grad(v), corners)
         self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
 
@@ -247,8 +245,14 @@ class Workpiece:
         self.is_cold = False
 
     def nodal_rate(self) -> np.ndarray:
-        """Effective strain rate at the nodes (nodes,), 1/s."""
-        return self.nodes.vertex_mean(self._rate_at_vertices.eval(self.nodes.mesh, self._owned_cells))
+        """Effective strain rate at the nodes (nodes,), 1/s.
+
+        The strain rate, linear in a straight cell, is fitted so to the integration points of each cell and taken at
+        the vertices: a curved cell may be singular there.
+        """
+        points = self.strain_rate.reshape(len(self.nodes.cells), -1, self.kinematics.components)
+        corners = np.einsum("vp,cpk->cvk", self._to_vertices, points)
+        return self.nodes.vertex_mean(np.sqrt(2 / 3 * np.einsum("cvk,cvk->cv", corners, corners)))
 
     def nodal_velocity_gradient(self) -> np.ndarray:
         """Velocity gradient at the nodes (nodes, dim, dim), 1/s; row i is the gradient of component i."""
