@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     run.set_defaults(action=_run)
 
     check = commands.add_parser("check", help="check a scene file without running it")
-    check.add_argument("scene", type=Path)
+    check.add_argument("scene", type=Path, nargs="?")
     check.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     check.add_argument("--schema", action="store_true", help="print the JSON schema of scene files instead")
     check.set_defaults(action=_check)
@@ -98,6 +98,8 @@ def _check(options) -> int:
         import json
         print(json.dumps(Scene.json_schema(), indent=2))
         return 0
+    if options.scene is None:
+        raise SceneError("name a scene file to check, or --schema")
     scene = read_scene(options.scene, set=options.changes)
     warnings = check(scene)
     print(scene)

@@ -26,7 +26,7 @@ from .process.body import FlowingBody
 from .process.integration import SCHEMES, Flow, StepEnd
 from .process.timestep import Adaptivity, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
-from .results.gather import scatter_nodal
+from .results.gather import scatter_cell_values, scatter_nodal
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results
@@ -127,10 +127,9 @@ class Simulation:
             nominal = lambda t: scene.steps.time  # noqa: E731
         else:
             def nominal(t):
-                end = drive.time_of_travel(drive.travel(t) + scene.steps.stroke, t)
-                if not np.isfinite(end):
-                    end = min((x for x in self._landmarks(drive) if x > t), default=t) or t
-                return end - t
+                drives = [drive] if drive.velocity(t).any() else self._drives     # one that rests sets no steps
+                end = min(d.time_of_travel(d.travel(t) + scene.steps.stroke, t) for d in drives)
+                return (end if np.isfinite(end) else max([t, *self._landmarks(drive)])) - t or np.inf
         adaptive = scene.steps.adaptive
         limits = None if adaptive is None else Adaptivity(adaptive.max_strain_increment, adaptive.tolerance)
         return StepChoice(nominal, self._landmarks(drive), limits, adaptive.min_fraction if adaptive else 1e-3)
@@ -138,7 +137,12 @@ class Simulation:
     def _landmarks(self, drive):
         stop, strokes = self.scene.stop, list(self.scene.output.strokes)
         times = [drive.time_of_travel(s) for s in strokes + ([stop.stroke] if stop.stroke is not None else [])]
+        times += [t for d in self._drives for t in d.turning_times]
         return [t for t in times + ([stop.time] if stop.time is not None else []) if np.isfinite(t)]
+
+    @property
+    def _drives(self):
+        return [self.scene.tools[name].drive for name in self.scene.driven_tools]
 
     # ------------------------------------------------------------------ running
     def run(self, out: Path | str | None = None, *, observer=None) -> Results:
@@ -162,7 +166,11 @@ class Simulation:
             observer.note(warning)
         state, why = None, "failed"
         try:
-            state = self._first() if self._saved is None else self._resumed()
+            if self._saved is None:
+                state = State(0, 0.0, np.zeros(self.nodes.count), self.body.rest(), 0.0)
+                state = self._first()
+            else:
+                state = self._resumed()
             if self._saved is None:
                 recorder.step(state, "start", 0.0)
                 observer.step(recorder.row, "start")
@@ -178,8 +186,10 @@ class Simulation:
             why = "interrupted"
             raise
         finally:
-            if state is not None:
-                recorder.finish(state, why)
+            doubts = recorder.doubts()
+            recorder.finish(state, why, [*self.warnings, *doubts])
+            for doubt in doubts:
+                observer.note(f"warning: {doubt}")
         results = recorder.results()
         observer.finished(results)
         return results
@@ -187,27 +197,26 @@ class Simulation:
     def _first(self) -> State:
         strain = np.zeros(self.nodes.count)
         dt = self.choice.next(0.0).dt
-        return State(0, 0.0, strain, self._flow_at(0.0, strain, dt), dt)
+        self.body.place(0.0)
+        return State(0, 0.0, strain, self.body.solve(0.0, strain, dt), dt)
 
     def _resumed(self) -> State:
         saved, body = self._saved.scalars, self.body
         local = {name: scatter_nodal(self.nodes, values if self.comm.rank == 0 else None)
                  for name, values in self._saved.nodal.items()}
-        body.speed = saved["speed"]
-        body.workpiece.set_start(local["velocity"], local["mean_stress"])
         self.start_volume = saved["start_volume"]
-        flow = self._flow_at(saved["time"], local["strain"], saved["dt"])
+        self.choice.resume(saved["step_fraction"])
+        body.speed, body.contact.reference = saved["speed"], saved["penalty"]
+        body.move_tools(saved["time"])
+        if not saved["at_rest"]:
+            cellwise = {name: scatter_cell_values(self.nodes, values if self.comm.rank == 0 else None)
+                        for name, values in self._saved.cellwise.items()}
+            body.workpiece.set_start(local["velocity"], local["mean_stress"])
+            body.workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
+            body.search(saved["dt"])
+            body.contact.resume({tool.name: local[f"pressure_{tool.name}"] for tool in body.tools})
+        flow = body.solve(saved["time"], local["strain"], saved["dt"])
         return State(saved["step"], saved["time"], local["strain"], flow, saved["dt"])
-
-    def _flow_at(self, time: float, strain: np.ndarray, dt: float) -> Flow:
-        """Solve, unless no tool has reached the body yet."""
-        body = self.body
-        if body.workpiece.is_cold:
-            body.place(time)
-            body.search(dt)
-            if body.time_to_contact(dt) >= dt:
-                return body.rest()
-        return body.solve(time, strain, dt)
 
     def _advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
@@ -220,32 +229,44 @@ class Simulation:
                 touch = body.time_to_contact(dt)
                 if 1e-9 * dt < touch < dt:
                     dt, reason = touch, "contact"
+            elif (height := self.scene.stop.height) is not None:
+                reached = body.time_to_height(height, state.flow.velocity, dt)
+                if reached < dt:
+                    dt, reason = max(reached, 1e-6 * dt), "target"
             before, scheme = body.snapshot(), copy.copy(self.scheme)
             try:
                 end = self.scheme.advance(body, state.flow, state.time, state.strain, dt) \
                     if not body.workpiece.is_cold else self._travel(state, dt)
-                time = state.time + dt
+                time = self.choice.end_of(state.time, dt)
                 ahead = self.choice.next(time, state.flow.rate).dt
-                ahead = ahead if ahead > 0 else dt
-                flow = self._flow_at(time, end.strain, ahead)
+                ahead = ahead if 0 < ahead < np.inf else dt
+                body.move_tools(time)
+                flow = body.solve(time, end.strain, ahead)
             except ConvergenceError as failure:
-                body.restore(before)
-                self.scheme = scheme
-                body.move_tools(state.time)
+                self._go_back(before, scheme, state.time)
                 if not self.choice.failed(state.time, limit.dt):
-                    raise ConvergenceError(f"step {state.step + 1} fails however short it is: {failure}",
+                    raise ConvergenceError(f"step {state.step + 1} fails however short it is: {failure.sentence}",
                                            history=failure.history, advice=failure.advice) from failure
-                observer.note(f"step {state.step + 1} cut: {failure}")
+                observer.note(f"step {state.step + 1} cut: {failure.sentence}")
                 continue
+            except KeyboardInterrupt:            # what is written next must belong together
+                self._go_back(before, scheme, state.time)
+                raise
             self.choice.succeeded(end.error, body.size)
             spent = Flow(flow.velocity, flow.rate, flow.iterations + end.iterations)
             self.solves += 1 + end.solves
             return State(state.step + 1, time, end.strain, spent, ahead), reason
 
     def _travel(self, state: State, dt: float):
-        """The tools move on, the body rests."""
-        self.body.move_tools(state.time + dt)
+        """The tools move on, the body rests; what follows knows nothing of the flow before."""
+        self.scheme = SCHEMES[self.scene.scheme]()
+        self.body.place(state.time + dt)
         return StepEnd(state.strain, 0, 0, None, 0.0)
+
+    def _go_back(self, before: tuple, scheme, time: float) -> None:
+        self.body.restore(before)
+        self.scheme = scheme
+        self.body.move_tools(time)
 
     def _stopped(self, state: State, recorder: Recorder) -> str | None:
         """Why the run is over, or None."""
@@ -257,20 +278,28 @@ class Simulation:
             return f"time {stop.time:g} s reached"
         if stop.force is not None and recorder.force_of(scene.counting_tool) >= stop.force:
             return f"force {stop.force:g} N reached"
-        if stop.height is not None and self.body.height() <= stop.height * (1 + 1e-9):
+        if stop.height is not None and self.body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
+        end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))
+        if self.body.workpiece.is_cold and end == np.inf and state.time >= max(
+                (t for d in self._drives for t in d.turning_times), default=0.0):
+            if self.body.time_to_contact(np.inf) == np.inf:
+                return "no tool comes towards the body any more: the stop was not reached"
         return None
 
     # ------------------------------------------------------------------ checkpoints
     def save(self, path: Path, state: State) -> None:
         """Write the state so that a run on any number of ranks can go on from it."""
-        w = self.body.workpiece
+        w, contact = self.body.workpiece, self.body.contact
         save_checkpoint(path, self.nodes, scalars={
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
             "points": {name: [float(c) for c in p.value(self.nodes.x)] for name, p in self.points.items()},
-            "start_volume": self.start_volume},
-            nodal={"strain": state.strain, "velocity": w.velocity, "mean_stress": w.mean_stress})
+            "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
+            "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction},
+            nodal={"strain": state.strain, "velocity": w.velocity, "mean_stress": w.mean_stress,
+                   **{f"pressure_{name}": values for name, values in contact.nodal_pressures().items()}},
+            cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)))
 
 
 def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm=MPI.COMM_WORLD) -> Results:

@@ -85,6 +85,11 @@ class Drive(Described):
         return None
 
     @property
+    def turning_times(self):
+        """Times after t = 0 at which the tool starts, stops or turns back, s: no step should run across one."""
+        return ()
+
+    @property
     def moves(self):
         """Whether the tool ever moves."""
         return self.direction is not None or self.angular_velocity(0.0) != 0
@@ -216,6 +221,13 @@ class TableDrive(_Translation):
             return None
         sign = np.sign(speed[first[0]] or acceleration[first[0]])
         return sign * _unit(self.given_direction)
+
+    @property
+    def turning_times(self):
+        times, _, speed, acceleration, _ = self._pieces
+        middle = speed[:-1] + acceleration * np.diff(times) / 2
+        ways = np.concatenate([np.sign(middle), [0.0]])    # of the intervals, at rest behind the last
+        return tuple(float(t) for t in times[1:][ways[1:] != ways[:-1]])
 
     def velocity(self, time):
         times, _, speed, acceleration, _ = self._pieces

@@ -10,7 +10,7 @@ from ..scene import Scene
 from . import meshing
 from .parallel import total
 
-CORNER_SIZE = 0.5      # of the mesh size, at sharp corners of tools: the flow is singular there
+CORNER_SIZE = 0.35      # of the mesh size, at sharp corners of tools: the flow is singular there
 CORNER_REACH = 2.0      # mesh sizes from the body within which a tool corner counts
 
 

@@ -62,7 +62,7 @@ def gmsh_model():
             gmsh.finalize()
 
 
-def polygon(points, size: float, *, corners=(), corner_size: float | None = None, growth: float = 0.25,
+def polygon(points, size: float, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
             comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """A mesh of order 2 on a polygon.
 
@@ -88,7 +88,7 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
     return generate(build, 2, size, corners=corners, corner_size=corner_size, growth=growth, comm=comm)
 
 
-def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.25,
+def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
              comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it."""
     def make():
@@ -184,6 +184,7 @@ def _quadratic_shapes(barycentric: np.ndarray, dim: int) -> np.ndarray:
 def _sizes(gmsh, size, corners, corner_size, growth):
     if size is not None:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.model.mesh.setSize(gmsh.model.getEntities(0), size)   # CAD points have none: a tenth of the body otherwise
     gmsh.option.setNumber("Mesh.Algorithm", 6)
     gmsh.option.setNumber("Mesh.HighOrderOptimize", 0)
     if corner_size is None or len(corners) == 0:

@@ -105,7 +105,7 @@ class FlowSolver:
         mean = float(mean[0] / mean[1])
         self._usual_power = mean * characteristic_rate * self._volume
         if contact is not None:
-            if contact.coefficient is None:
+            if contact.reference is None:
                 self._set_penalty(mean)
             contact.scale_penalty(mean)
             if s.augmented and not cold:

@@ -128,7 +128,7 @@ class Workpiece:
         self.tau = np.zeros_like(self.strain_rate)
         self.is_cold = True
         self.continuity: RateContinuity | None = None
-        self._last_rate: tuple[np.ndarray, float] | None = None
+        self.last_rate: tuple[np.ndarray, float] | None = None
 
     # ------------------------------------------------------------------ forms
     def _compile(self, points, body_force, degree):
@@ -244,6 +244,17 @@ class Workpiece:
         self.solution.x.array[self.pressure_dofs[v]] = -mean_stress[v]
         self.is_cold = False
 
+    def point_data(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per owned cell: deviatoric stress, and the rate that the next solve is tied to, at the integration points."""
+        cells = len(self.nodes.cells)
+        rate = np.zeros(len(self.tau)) if self.last_rate is None else self.last_rate[0]
+        return self.tau.reshape(cells, -1), rate.reshape(cells, -1)
+
+    def set_point_data(self, stress: np.ndarray, rate: np.ndarray, rate_scale: float) -> None:
+        """Take over what :meth:`point_data` gave; the rates belong to the characteristic rate ``rate_scale``, 1/s."""
+        self.tau[:] = stress.reshape(self.tau.shape)
+        self.last_rate = (rate.ravel(), rate_scale)
+
     def nodal_rate(self) -> np.ndarray:
         """Effective strain rate at the nodes (nodes,), 1/s.
 
@@ -302,13 +313,13 @@ class Workpiece:
 
     def keep_rate(self, rate: np.ndarray, characteristic_rate: float) -> None:
         """Remember the rates of a converged solve for the next one."""
-        self._last_rate = (rate, characteristic_rate)
+        self.last_rate = (rate, characteristic_rate)
 
     def tie_to_last_rate(self, characteristic_rate: float, step: float | None) -> None:
         """Use the remembered rates in the solve to come, over a step in s; without either, nothing is tied."""
         self.continuity = None
-        if self._last_rate is not None and step is not None:
-            rate, before = self._last_rate
+        if self.last_rate is not None and step is not None:
+            rate, before = self.last_rate
             self.continuity = RateContinuity(rate * characteristic_rate / before, step)
 
     def cut_stress(self, rate) -> None:

@@ -50,6 +50,8 @@ class FlowingBody:
         self.speed = 0.0
         self._reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
         self.sunk = 0.0
+        self._flows_by_itself = "body_force" in workpiece.terms or \
+            any(callable(c.value) or c.value != 0 for c in workpiece.fixed)
         self.place(0.0)
 
     @property
@@ -88,13 +90,26 @@ class FlowingBody:
                       default=0.0)
         return highest(self.nodes.comm, fastest)
 
+    def is_pushed(self, dt: float) -> bool:
+        """Whether something makes the body flow: a tool that touches it and closes in or turns, or, of a body that
+        flows already, one that lands on it within ``dt``.
+
+        Otherwise rest is the solution: a tool that stands still, withdraws or slides along presses nothing.
+        """
+        if self.contact is None or self._flows_by_itself:
+            return True
+        touch, size = self.time_to_contact(dt), 1e-6 * self.size
+        turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
+        pushed = touch <= 1e-9 * dt if self.workpiece.is_cold else touch < dt
+        return pushed or highest(self.nodes.comm, float(turns)) > 0
+
     def time_to_contact(self, horizon: float) -> float:
         """Time until the first tool touches a body at rest, s; 0 where one touches already."""
         first = horizon
         for tool in self.tools:
             closing = np.einsum("pi,pi->p", tool.state.tool_velocity, tool.state.normal)
             near = tool.state.gap <= 1e-6 * self.size
-            coming = closing > 0
+            coming = closing > 1e-9 * self.speed
             if (near & coming).any():
                 first = 0.0
             elif coming.any():
@@ -106,8 +121,22 @@ class FlowingBody:
         """Extent of the body along the working direction, mm."""
         return float(np.ptp(self.nodes.extents(), axis=0)[self.height_axis])
 
+    def time_to_height(self, wanted: float, velocity: np.ndarray, horizon: float) -> float:
+        """Time in which the nodal velocities (nodes, dim) bring the height to ``wanted``, s; at most ``horizon``."""
+        now, time = self.height(), horizon
+        for _ in range(3):      # secants: the height is convex in time
+            along = self.x[:, self.height_axis] + time * velocity[:, self.height_axis]
+            comm = self.nodes.comm
+            then = highest(comm, float(along.max(initial=-np.inf))) - lowest(comm, float(along.min(initial=np.inf)))
+            if then >= wanted:
+                break
+            time *= (now - wanted) / (now - then)
+        return time
+
     def solve(self, time: float, strain: np.ndarray, dt: float, step: float | None = None) -> Flow:
-        """Flow at ``time`` on the present geometry; contact looks ahead by ``dt``, the rates are tied over ``step``.
+        """Flow at ``time`` on the present geometry, rest where nothing pushes the body.
+
+        Contact looks ahead by ``dt``, the rates are tied over ``step``.
 
         Raises
         ------
@@ -118,6 +147,8 @@ class FlowingBody:
             raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try smaller "
                                    "steps, a coarser mesh near the fold, or stop earlier")
         self.search(dt)
+        if not self.is_pushed(dt):
+            return self.rest()
         characteristic_rate = self.speed / self.height()
         tied = max(TIE * (step or dt), LEAST_TIE / characteristic_rate)
         found = self.solver.solve(strain=strain, characteristic_rate=characteristic_rate, step=tied,
@@ -125,10 +156,12 @@ class FlowingBody:
         return Flow(self.workpiece.velocity, self.workpiece.nodal_rate(), found.iterations)
 
     def rest(self) -> Flow:
-        """No flow: nothing touches the body yet."""
+        """No flow and no contact: nothing pushes the body."""
         body = self.workpiece
         body.solution.x.array[:] = 0.0
         body.is_cold = True
+        if self.contact is not None:
+            self.contact.release()
         return Flow(np.zeros_like(self.x), np.zeros(self.nodes.count), 0)
 
     @property
@@ -156,13 +189,13 @@ class FlowingBody:
         """Everything that a failed step must give back."""
         tools = [(t.motion, [a.copy() for a in vars(t.state).values()]) for t in self.tools]
         w = self.workpiece
-        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, tools
+        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, tools
 
     def restore(self, snapshot: tuple) -> None:
-        x, solution, tau, cold, tools = snapshot
+        x, solution, tau, cold, last_rate, tools = snapshot
         w = self.workpiece
         self.x[:] = x
-        w.solution.x.array[:], w.tau[:], w.is_cold = solution, tau, cold
+        w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
         for tool, (motion, arrays) in zip(self.tools, tools, strict=True):
             tool.motion = motion
             for name, value in zip(vars(tool.state), arrays, strict=True):

@@ -111,7 +111,7 @@ class Trapezoid:
         target = shifting.explicit(x0, start.velocity, dt)
         for k in range(self.passes):
             body.x[:] = target
-            body.place(time + dt)
+            body.place(time + (1 - 1e-12) * dt)    # where the tools turn at the end of the step: not yet turned
             end = body.solve(time + dt, strain + dt / 2 * (start.rate + end.rate), dt)
             spent, solves = spent + end.iterations, solves + 1
             corrected = shifting.explicit(x0, 0.5 * (start.velocity + end.velocity), dt)

@@ -44,6 +44,15 @@ class StepChoice:
         self._fraction = 1.0
         self._reason = "step"
 
+    @property
+    def fraction(self) -> float:
+        """Share of the nominal step that is tried next."""
+        return self._fraction
+
+    def resume(self, fraction: float) -> None:
+        """Go on with the share of the nominal step that an earlier run had come to."""
+        self._fraction, self._reason = fraction, "cut" if self._adaptivity is None else "error"
+
     def next(self, time: float, rates: np.ndarray | None = None) -> Limit:
         """The step from ``time`` on; ``rates``, effective strain rates at the nodes, 1/s."""
         nominal = self._nominal(time)
@@ -61,6 +70,11 @@ class StepChoice:
             if dt > 0.5 * left and dt < left and self._adaptivity is not None:
                 return Limit(0.5 * left, reason)   # two even steps instead of one long and one tiny
         return Limit(dt, reason)
+
+    def end_of(self, time: float, dt: float) -> float:
+        """time + dt, free of rounding where that is to be hit exactly: drives may jump there."""
+        near = self._landmarks[np.abs(self._landmarks - (time + dt)) <= 1e-9 * dt]
+        return float(near[0]) if near.size else time + dt
 
     def failed(self, time: float, tried: float) -> bool:
         """Halve the step ``tried`` from ``time`` on; False where it would become too short."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+MOST_DRIFT = 0.01      # of the volume; above, the force of upsetting is off by a few per cent
+MOST_PENALTY = 0.03    # of the power of the tools; above, the forces of the coarse billet were off by 5 to 70 %
+
 
 class VolumeLedger:
     """Volume against that of the start; a rigid-plastic body keeps it."""
@@ -15,6 +18,12 @@ class VolumeLedger:
         self.worst = max(self.worst, abs(self.last))
         return self.last
 
+    def doubts(self, remedy: str) -> list[str]:
+        """A sentence where the volume has drifted too far."""
+        if abs(self.last) <= MOST_DRIFT:
+            return []
+        return [f"the volume has drifted by {100 * self.last:+.1f} %: {remedy}"]
+
     def summary(self) -> dict:
         return {"relative_error": self.last, "worst_relative_error": self.worst, "by": {"integration": self.last}}
 
@@ -25,18 +34,39 @@ class PowerLedger:
     def __init__(self):
         self.last: dict[str, float] = {}
         self.worst = 0.0
+        self.work = self.penalty_work = 0.0
 
-    def imbalance(self, body) -> float:
-        """Imbalance of the present flow of ``body``, relative to the power of the tools; 0 where nothing flows."""
+    def imbalance(self, body, dt: float) -> float:
+        """Imbalance of the present flow of ``body``, relative to the power of the tools; 0 where nothing flows.
+
+        The flow counts for ``dt``, s, in the share of the penalty.
+        """
         if body.workpiece.is_cold:
             return 0.0
         self.last = body.powers()
         given = self.last["tools"] + self.last["body force"]
+        self.work += dt * abs(self.last["tools"])
+        self.penalty_work += dt * abs(self.last["penalty"])
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
         scale = max(abs(given), abs(spent))
         relative = (given - spent) / scale if scale > 0 else 0.0
         self.worst = max(self.worst, abs(relative))
         return relative
 
+    def penalty_shares(self) -> tuple[float, float]:
+        """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole."""
+        given = abs(self.last.get("tools", 0.0))
+        last = abs(self.last["penalty"]) / given if given > 0 else 0.0
+        return last, self.penalty_work / self.work if self.work > 0 else 0.0
+
+    def doubts(self, remedy: str) -> list[str]:
+        """A sentence where the penalty took too much of the power of the tools."""
+        share = max(self.penalty_shares())
+        if share <= MOST_PENALTY:
+            return []
+        return [f"penalty and landing points take {100 * share:.1f} % of the tool power: {remedy}"]
+
     def summary(self) -> dict:
-        return {"last_mW": self.last, "worst_relative_imbalance": self.worst}
+        last, mean = self.penalty_shares()
+        return {"last_mW": self.last, "worst_relative_imbalance": self.worst,
+                "penalty_share": {"last": last, "mean": mean}}

@@ -15,6 +15,7 @@ from .history import History
 from .ledger import PowerLedger, VolumeLedger
 from .results import Results
 
+MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
 
 class Recorder:
     """Writes what a run leaves behind.
@@ -89,7 +90,7 @@ class Recorder:
         volume = body.workpiece.volume()
         row[f"volume_{name}_mm3"] = volume * copies
         row[f"volume_error_{name}"] = self.volume.error(volume)
-        row["power_imbalance"] = self.power.imbalance(body)
+        row["power_imbalance"] = self.power.imbalance(body, state.dt)
         row["max_effective_strain"] = self._maximum(state.strain)
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
@@ -148,15 +149,21 @@ class Recorder:
         self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data)
 
     # ------------------------------------------------------------------ the end
-    def finish(self, state, why: str) -> None:
-        """Last frame, checkpoint and summary, also of a run that failed."""
+    def doubts(self) -> list[str]:
+        """What makes the results of the run doubtful, one sentence each."""
+        explicit = self.scene.scheme == "explicit"
+        return [*self.volume.doubts("steps.scheme = 'midpoint' or smaller steps" if explicit else MORE_EXACT),
+                *self.power.doubts(MORE_EXACT)]
+
+    def finish(self, state, why: str, warnings: list[str]) -> None:
+        """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state)."""
         start = perf_counter()
-        if self.out is not None:
+        if self.out is not None and state is not None:
             self._frame(state)
-            if self.scene.output.checkpoint_every:
+            if self.scene.output.checkpoint_every and len(self.history):
                 self.run.save(self.out / "checkpoint.npz", state)
         self.seconds["output"] += perf_counter() - start
-        self.summary = self._summary(why)
+        self.summary = self._summary(why) | {"warnings": warnings}
         if self.out is not None:
             text = json.dumps(self.summary, indent=2)
 
@@ -188,7 +195,7 @@ class Recorder:
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
             "wall_s_by_part": parts,
             "share_outside_assembly_and_solve": 1.0 - (parts["assembly"] + parts["linear solve"]) / wall if wall else 0.0,
-            "peak_memory_MB": _peak_memory(self.comm), "warnings": list(run.warnings),
+            "peak_memory_MB": _peak_memory(self.comm),
         }
 
     def _parts(self) -> list[str]:

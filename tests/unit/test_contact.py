@@ -362,7 +362,8 @@ class Upset:
     def solve(self, times=1):
         """Velocities after so many solves at the same instant; each takes the last traction as its multiplier."""
         for _ in range(times):
-            self.contact.search(self.nodes.x, 0.05, 1.0)
+            self.contact.search(self.nodes.x, 0.05)
+            self.contact.set_speed(1.0)
             self.solver.solve(strain=np.zeros(self.nodes.count), characteristic_rate=1.0)
         return self.body.velocity
 
@@ -476,8 +477,8 @@ TWO_RANKS = """
     from fenics_forming import kinematics, meshing
     from fenics_forming.physics.contact.facets import ContactFacets
     from fenics_forming.physics.nodes import Nodes
-    for kind, area in (("axisymmetric", 12 * np.pi), ("3d", 6.0)):
-        mesh = meshing.box((0, 0, 0), (1, 1, 1), (2, 2, 2)) if kind == "3d" else meshing.rectangle((1, 0), (2, 1), (4, 4))
+    cube, square = meshing.box((0, 0, 0), (1, 1, 1), (2, 2, 2)), meshing.rectangle((1, 0), (2, 1), (4, 4))
+    for kind, mesh, area in (("axisymmetric", square, 12 * np.pi), ("3d", cube, 6.0)):
         nodes = Nodes(mesh)
         facets = ContactFacets(nodes, kinematics.KINDS[kind], meshing.exterior_facets(mesh))
         weights = facets.weights()

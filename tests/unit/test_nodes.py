@@ -209,8 +209,8 @@ def test_splitting_corner_cells_keeps_the_body_and_leaves_one_side_each(dim, cur
 @DIMENSIONS
 def test_splitting_a_cell_with_a_bulging_side_keeps_its_orientation(dim):
     """A side that curves far into its cell: the new nodes follow the cell's own map, whose Jacobian stays positive."""
-    element = basix.create_element(basix.ElementFamily.P, {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim],
-                                   2, basix.LagrangeVariant.gll_warped)
+    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim]
+    element = basix.create_element(basix.ElementFamily.P, kind, 2, basix.LagrangeVariant.gll_warped)
     x, cells = element.points.copy(), np.arange(len(element.points))[None]
     for k, edge in enumerate(EDGES[dim]):
         if 0 not in edge:       # the sides of the face opposite to vertex 0 bend towards it

@@ -77,7 +77,8 @@ def test_etd2_stretches_by_the_exponential_whatever_the_spin(spin):
     """REFERENCES 2.4: rotation with a uniform stretch rate e gives radii exp(e t), independent of the spin."""
     x, L = points(2), 0.3 * np.eye(2) + spin * np.array([[0.0, -1.0], [1.0, 0.0]])
     moved = in_linear_flow(x, L, [0.05] * 20)
-    assert np.linalg.norm(moved, axis=1) == pytest.approx(np.exp(0.3) * np.linalg.norm(x, axis=1), rel=2e-11)   # 20 steps of 1/15!
+    # 20 steps of 1/15!
+    assert np.linalg.norm(moved, axis=1) == pytest.approx(np.exp(0.3) * np.linalg.norm(x, axis=1), rel=2e-11)
 
 
 def ring_error(steps):
@@ -128,7 +129,7 @@ class Given:
     def __init__(self, x, velocity, gradient):
         self.x, self._velocity, self._gradient = x, velocity, gradient
 
-    def solve(self, time, strain, dt):
+    def solve(self, time, strain, dt, step=None):
         return Flow(self._velocity(self.x, time), np.zeros(len(self.x)), 1)
 
     def place(self, time):

@@ -102,7 +102,7 @@ class ContactFacets:
     def to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Hat-weighted mean at the vertices of values at the points, (points,) → (nodes,); 0 off the contact."""
         corners = self.facet_nodes[:, : self.dim]
-        hats = self._hats()
+        hats = self.hats()
         w = weights.reshape(-1, self.points_per_facet)
         share = np.einsum("fq,qa->fa", w, hats).ravel()
         load = np.einsum("fq,qa->fa", w * values.reshape(w.shape), hats).ravel()
@@ -114,11 +114,11 @@ class ContactFacets:
     def smooth(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Values at the points replaced by the interpolation of their nodal means."""
         nodal = self.to_nodes(values, weights)
-        return (nodal[self.facet_nodes[:, : self.dim]] @ self._hats().T).ravel()
+        return (nodal[self.facet_nodes[:, : self.dim]] @ self.hats().T).ravel()
 
     def linear_part(self, values: np.ndarray) -> np.ndarray:
         """Least-squares linear part, facet by facet, of values at the points: what a quadratic velocity can balance."""
-        hats = self._hats()
+        hats = self.hats()
         w = self._reference_weights
         projection = hats @ np.linalg.solve(hats.T @ (w[:, None] * hats), hats.T * w)
         return (values.reshape(-1, self.points_per_facet) @ projection.T).ravel()
@@ -127,7 +127,8 @@ class ContactFacets:
         """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""
         return total(self._nodes.comm, values.sum(axis=0))
 
-    def _hats(self) -> np.ndarray:
+    def hats(self) -> np.ndarray:
+        """Linear shape functions of a facet's vertices at its points, (points per facet, dim)."""
         cell = self._sub.basix_cell()
         points, _ = basix.make_quadrature(cell, DEGREE[self.dim])
         return basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]

@@ -103,6 +103,7 @@ class RigidContact:
         self.facets, self.tools = facets, tools
         self.slip_regularisation, self.augmented = slip_regularisation, augmented
         self.coefficient: float | None = None
+        self.reference: float | None = None     # C of the start, for unit flow stress and tool speed
         self.dt = self._speed = 1.0
         self.slip0 = slip_regularisation
         self._start()
@@ -118,6 +119,22 @@ class RigidContact:
             tool.state.friction_stress[:] = 0.0
             tool.state.slip[:] = 0.0
             tool.state.multiplier[:] = 0.0
+
+    def release(self) -> None:
+        """No tool presses: pressures, tractions and all that is remembered of them are zero."""
+        self.rebuild_stress()
+        for tool in self.tools:
+            tool.state.pressure[:] = tool.state.grip[:] = 0.0
+            tool.state.active[:] = False
+            tool.traction = np.zeros_like(tool.traction)
+        self.silence()
+
+    def resume(self, pressure: dict[str, np.ndarray]) -> None:
+        """Start from nodal pressures (nodes,), MPa, by tool, on the closest points found last: they become multipliers."""
+        for tool in self.tools:
+            local = (pressure[tool.name][self.facets.facet_nodes[:, : self.facets.dim]] @ self.facets.hats().T).ravel()
+            tool.state.pressure, tool.state.active = local, local > 0
+            tool.state.multiplier = local[:, None] * tool.state.normal
 
     def silence(self) -> None:
         """No traction: for the stiffness of the body alone."""
@@ -137,12 +154,12 @@ class RigidContact:
         """
         nodes = self.facets.facet_nodes
         sums = self.facets.integral(np.array([[stiffness[nodes].sum(), area[nodes].sum()]]))
-        self._reference = factor * sums[0] / sums[1] * self._speed / flow_stress
+        self.reference = factor * sums[0] / sums[1] * self._speed / flow_stress
         self.scale_penalty(flow_stress)
 
     def scale_penalty(self, flow_stress: float) -> None:
         """C follows the viscosity: in proportion to the mean flow stress, MPa, over the speed of the tools."""
-        self.coefficient = self._reference * flow_stress / self._speed
+        self.coefficient = self.reference * flow_stress / self._speed
 
     def set_speed(self, speed: float) -> None:
         """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to."""
@@ -225,6 +242,10 @@ class RigidContact:
     def nodal_pressure(self) -> np.ndarray:
         """Contact pressure at the nodes (nodes,), MPa: hat-weighted mean of the pressure at the points."""
         return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), self.weights)
+
+    def nodal_pressures(self) -> dict[str, np.ndarray]:
+        """The same of every tool by itself."""
+        return {t.name: self.facets.to_nodes(t.state.pressure, self.weights) for t in self.tools}
 
     def powers(self, velocity: np.ndarray) -> dict[str, float]:
         """Power, mW: given by the tools, lost in friction, taken by the penalty and by landing points."""
