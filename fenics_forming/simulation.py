@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -137,12 +137,17 @@ class Simulation:
     def _landmarks(self, drive):
         stop, strokes = self.scene.stop, list(self.scene.output.strokes)
         times = [drive.time_of_travel(s) for s in strokes + ([stop.stroke] if stop.stroke is not None else [])]
-        times += [t for d in self._drives for t in d.turning_times]
+        times += self._turns
         return [t for t in times + ([stop.time] if stop.time is not None else []) if np.isfinite(t)]
 
     @property
     def _drives(self):
         return [self.scene.tools[name].drive for name in self.scene.driven_tools]
+
+    @property
+    def _turns(self) -> list[float]:
+        """Times at which a tool starts, stops or turns back: what is recorded there is the flow before."""
+        return [t for drive in self._drives for t in drive.turning_times]
 
     # ------------------------------------------------------------------ running
     def run(self, out: Path | str | None = None, *, observer=None) -> Results:
@@ -221,6 +226,8 @@ class Simulation:
     def _advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
         body = self.body
+        if state.time in self._turns:
+            state = self._turned(state)
         while True:
             limit = self.choice.next(state.time, state.flow.rate)
             dt, reason = limit.dt, limit.reason
@@ -238,9 +245,10 @@ class Simulation:
                 end = self.scheme.advance(body, state.flow, state.time, state.strain, dt) \
                     if not body.workpiece.is_cold else self._travel(state, dt)
                 time = self.choice.end_of(state.time, dt)
-                ahead = self.choice.next(time, state.flow.rate).dt
+                turns = time in self._turns
+                ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
                 ahead = ahead if 0 < ahead < np.inf else dt
-                body.move_tools(time)
+                body.move_tools(time - 1e-12 * dt if turns else time)
                 flow = body.solve(time, end.strain, ahead)
             except ConvergenceError as failure:
                 self._go_back(before, scheme, state.time)
@@ -256,6 +264,20 @@ class Simulation:
             spent = Flow(flow.velocity, flow.rate, flow.iterations + end.iterations)
             self.solves += 1 + end.solves
             return State(state.step + 1, time, end.strain, spent, ahead), reason
+
+    def _turned(self, state: State) -> State:
+        """The state with the flow after the tools have turned; what follows knows nothing of the one before."""
+        before = self.body.snapshot()
+        self.body.move_tools(state.time)
+        ahead = self.choice.next(state.time, state.flow.rate).dt
+        try:
+            flow = self.body.solve(state.time, state.strain, ahead if ahead < np.inf else state.dt)
+        except ConvergenceError:
+            self._go_back(before, self.scheme, state.time)
+            raise
+        self.solves += 1
+        self.scheme = SCHEMES[self.scene.scheme]()
+        return replace(state, flow=flow)
 
     def _travel(self, state: State, dt: float):
         """The tools move on, the body rests; what follows knows nothing of the flow before."""
@@ -281,9 +303,10 @@ class Simulation:
         if stop.height is not None and self.body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
         end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))
-        if self.body.workpiece.is_cold and end == np.inf and state.time >= max(
-                (t for d in self._drives for t in d.turning_times), default=0.0):
-            if self.body.time_to_contact(np.inf) == np.inf:
+        if end == np.inf and state.time >= max(self._turns, default=0.0):
+            self.body.move_tools(state.time)
+            self.body.search(state.dt)
+            if self.body.time_to_contact(np.inf) == np.inf and not self.body.is_pushed(state.dt):
                 return "no tool comes towards the body any more: the stop was not reached"
         return None
 

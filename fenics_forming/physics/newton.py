@@ -35,6 +35,7 @@ class FlowSolver:
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self._linear: DirectSolver | None = None
         self._volume: float | None = None
+        self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
     # ------------------------------------------------------------------ one solve
     def solve(self, *, strain: np.ndarray, characteristic_rate: float, temperature=None, touching: float = 1e-6,
@@ -103,7 +104,7 @@ class FlowSolver:
             self._volume = body.volume()
         mean = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
         mean = float(mean[0] / mean[1])
-        self._usual_power = mean * characteristic_rate * self._volume
+        self.usual_power = mean * characteristic_rate * self._volume
         if contact is not None:
             if contact.reference is None:
                 self._set_penalty(mean)
@@ -111,7 +112,7 @@ class FlowSolver:
             if s.augmented and not cold:
                 contact.augment()
             contact.respond(body.velocity, flow_stress=sigma_nodes, touching=touching, slip0=slip0)
-            force = contact.forces()
+            force = contact.resultants()
         velocity_change = force_change = np.inf
         free = self._satisfied()
         for iteration in range(1, s.max_iterations + 1):
@@ -142,7 +143,7 @@ class FlowSolver:
                 contact.respond(body.velocity, flow_stress=sigma_nodes, relaxation=1.0 if iteration < 5 else 0.5 if iteration < 12 else 0.25,
                                 slip0=None if slip_ratio == s.regularisation else
                                 contact.slip0 * slip_ratio / s.regularisation)
-                force = contact.forces()
+                force = contact.resultants()
                 size = np.abs(force).max()
                 force_change = np.abs(force - old).max() / size if size > 0 else 0.0
             else:
@@ -210,7 +211,7 @@ class FlowSolver:
         self.b.array[owned] = 0.0
         power = self.b.dot(body.solution.x.petsc_vec)
         # a body that is only pushed along has no plastic power; then a fraction of what flowing would take is the scale
-        scale = body.plastic_power() + 1e-3 * self._usual_power
+        scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
         return abs(power) / scale
 

@@ -151,9 +151,27 @@ class FlowingBody:
             return self.rest()
         characteristic_rate = self.speed / self.height()
         tied = max(TIE * (step or dt), LEAST_TIE / characteristic_rate)
-        found = self.solver.solve(strain=strain, characteristic_rate=characteristic_rate, step=tied,
-                                  temperature=self._temperature, touching=1e-6 * self.size)
+        try:
+            found = self.solver.solve(strain=strain, characteristic_rate=characteristic_rate, step=tied,
+                                      temperature=self._temperature, touching=1e-6 * self.size)
+        except ConvergenceError as failure:
+            raise self._explained(failure) from failure
         return Flow(self.workpiece.velocity, self.workpiece.nodal_rate(), found.iterations)
+
+    def _explained(self, failure: ConvergenceError) -> ConvergenceError:
+        """The failure, and its likely reason where one tool alone touches the body and nothing is on its far side."""
+        if self.contact is None:
+            return failure
+        pushes = {t.name: self.contact.facets.integral(
+            (t.state.gap <= 1e-6 * self.size)[:, None] * t.state.normal * self.contact.weights[:, None])
+            for t in self.tools}
+        pushes = {name: push for name, push in pushes.items() if np.any(push != 0)}
+        held = {c.component for c in self.workpiece.fixed}
+        if len(pushes) != 1 or any(int(np.argmax(np.abs(push))) in held for push in pushes.values()):
+            return failure
+        return ConvergenceError(f"{failure.sentence}; of the tools only '{next(iter(pushes))}' touches the body",
+                                history=failure.history, advice="if the body is free to move away from it, put what "
+                                "opposes it against the body: a tool, or a mirror plane by 'symmetry'")
 
     def rest(self) -> Flow:
         """No flow and no contact: nothing pushes the body."""

@@ -48,7 +48,7 @@ class PowerLedger:
         self.work += dt * abs(self.last["tools"])
         self.penalty_work += dt * abs(self.last["penalty"])
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
-        scale = max(abs(given), abs(spent))
+        scale = max(abs(given), abs(spent), 1e-6 * body.solver.usual_power)   # the last for a body that is only moved
         relative = (given - spent) / scale if scale > 0 else 0.0
         self.worst = max(self.worst, abs(relative))
         return relative
@@ -57,7 +57,7 @@ class PowerLedger:
         """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole."""
         given = abs(self.last.get("tools", 0.0))
         last = abs(self.last["penalty"]) / given if given > 0 else 0.0
-        return last, self.penalty_work / self.work if self.work > 0 else 0.0
+        return float(last), float(self.penalty_work / self.work) if self.work > 0 else 0.0
 
     def doubts(self, remedy: str) -> list[str]:
         """A sentence where the penalty took too much of the power of the tools."""

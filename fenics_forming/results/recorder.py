@@ -40,7 +40,7 @@ class Recorder:
         history = None if self.out is None else self.out / "history.csv"
         self.fields = None
         if self.out is not None:
-            on_rank_zero(self.comm, lambda: self.out.mkdir(parents=True, exist_ok=True))
+            on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
             on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
         if history is not None and resume_after is not None:
@@ -48,6 +48,12 @@ class Recorder:
             self.history.truncate_after(resume_after)
         else:
             self.history = History(history, self.comm)
+
+    def _clear(self) -> None:
+        """Make the folder; what another run left in it must not be taken for results of this one."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        for name in ("history.csv", "summary.json", "checkpoint.npz"):
+            (self.out / name).unlink(missing_ok=True)
 
     def introduction(self) -> str:
         """One line on what runs."""

@@ -44,10 +44,10 @@ class Results:
         Raises
         ------
         ResultsError
-            if there is no history in it.
+            if there is no history in it, nor the summary of a run that failed in its first solve.
         """
         results = cls(folder)
-        if not (results.folder / "history.csv").exists():
+        if not any((results.folder / name).exists() for name in ("history.csv", "summary.json")):
             raise ResultsError(
                 f"'{folder}' holds no results: it has no history.csv; name the folder given to --out"
             )

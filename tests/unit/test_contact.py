@@ -392,7 +392,7 @@ def test_without_augmentation_the_penetration_stays():
     for _ in range(2):
         upset.solve()
         slack.append(upset.slack())
-    assert slack[1] == pytest.approx(slack[0], rel=1e-3) and slack[0] > 1e-4
+    assert slack[1] > 0.9 * slack[0] > 1e-3
 
 
 @pytest.mark.parametrize("friction", [None, laws.Siebel(factor=0.3), laws.Coulomb(coefficient=0.1), laws.Sticking()],

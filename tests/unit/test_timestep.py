@@ -1,9 +1,16 @@
 """The length of the next step: what is hit exactly, what cuts it, what lets it grow."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+from fenics_forming import laws, scene
+from fenics_forming.errors import ConvergenceError
+from fenics_forming.process.body import FlowingBody
 from fenics_forming.process.timestep import Adaptivity, StepChoice
+from fenics_forming.results.progress import Silent
+from fenics_forming.simulation import simulate
 
 
 def walk(choice, end, rates=lambda t: None, error=np.inf, most=1000):
@@ -142,3 +149,53 @@ def test_cut_shortens_a_step_that_the_strain_had_limited_already():
     assert first == pytest.approx(0.05)
     assert choice.failed(0.0, first)
     assert choice.next(0.0, rates).dt == pytest.approx(first / 2)
+
+
+# ---------------------------------------------------------------------- through a run
+def upsetting():
+    return scene.Scene(
+        geometry="axisymmetric", materials={"m": scene.Material(flow_stress=laws.Constant(value=100))},
+        workpieces={"billet": scene.Workpiece(shape=scene.Rectangle(from_=(0, 0), to=(10, 10)), material="m",
+                                              symmetry=["z"], mesh_size=5)},
+        tools={"upper": scene.Tool(shape=scene.Plane(point=(0, 10), normal=(0, -1)),
+                                   drive=laws.SpeedDrive(velocity=(0, -1)))},
+        steps=scene.Steps(stroke=0.5), stop=scene.Stop(stroke=1.0))
+
+
+class Notes(Silent):
+    def __init__(self):
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def fail_when(monkeypatch, bad):
+    """Every solve for which ``bad(time, number)`` holds does not converge."""
+    numbers, solve = itertools.count(), FlowingBody.solve
+
+    def failing(self, time, *args, **more):
+        if bad(time, next(numbers)):
+            self.x[:] *= 1.01       # what a failed step leaves behind must not be seen
+            raise ConvergenceError("no convergence, on purpose")
+        return solve(self, time, *args, **more)
+
+    monkeypatch.setattr(FlowingBody, "solve", failing)
+
+
+def test_failed_step_is_cut_taken_back_and_said(monkeypatch):
+    """The run goes on from the last good state with half the step, ends at the same stop, and keeps its volume."""
+    whole = simulate(upsetting())
+    fail_when(monkeypatch, lambda time, number: number == 1)
+    notes = Notes()
+    results = simulate(upsetting(), observer=notes)
+    assert len(notes.notes) == 1 and notes.notes[0].startswith("step 1 cut: no convergence")
+    assert results.history.column("stroke_upper_mm") == pytest.approx([0, 0.25, 0.75, 1.0])
+    end, uncut = (r.history.column("volume_billet_mm3")[-1] for r in (results, whole))
+    assert end == pytest.approx(uncut, rel=1e-3)     # the drift of the midpoint scheme
+
+
+def test_run_that_fails_however_short_the_step_says_so(monkeypatch):
+    fail_when(monkeypatch, lambda time, number: time > 0.6)
+    with pytest.raises(ConvergenceError, match="step .* fails however short it is: no convergence"):
+        simulate(upsetting())

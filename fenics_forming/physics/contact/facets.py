@@ -28,6 +28,12 @@ class ContactFacets:
     nodes : the nodes of the body
     kinematics : geometry kind (weights: 2 pi r in axisymmetry)
     facets : (n,) owned exterior facets of the mesh
+
+    Attributes
+    ----------
+    facet_nodes : (facets, nodes per facet), the vertices first
+    hats : linear shape functions of a facet's vertices at its points, (points per facet, dim)
+    count : number of points on this rank
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, facets: np.ndarray):
@@ -52,9 +58,16 @@ class ContactFacets:
         element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         table = element.tabulate(1, points)[:, :, :, 0]
         self._shape, self._gradient = table[0], table[1:]
+        self.hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
+        w = self._reference_weights
+        self._projection = self.hats @ np.linalg.solve(self.hats.T @ (w[:, None] * self.hats), self.hats.T * w)
         self.points_per_facet = len(points)
         self.count = count * self.points_per_facet
         self.measure = ufl.Measure("ds", domain=mesh, subdomain_data=_tags(mesh, dim - 1, parent[:count]))(TAG)
+
+    @property
+    def axisymmetric(self) -> bool:
+        return self._kinematics.name == "axisymmetric"
 
     # ------------------------------------------------------------------ terms
     def virtual_power(self, w, weight):
@@ -102,7 +115,7 @@ class ContactFacets:
     def to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Hat-weighted mean at the vertices of values at the points, (points,) → (nodes,); 0 off the contact."""
         corners = self.facet_nodes[:, : self.dim]
-        hats = self.hats()
+        hats = self.hats
         w = weights.reshape(-1, self.points_per_facet)
         share = np.einsum("fq,qa->fa", w, hats).ravel()
         load = np.einsum("fq,qa->fa", w * values.reshape(w.shape), hats).ravel()
@@ -114,24 +127,16 @@ class ContactFacets:
     def smooth(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Values at the points replaced by the interpolation of their nodal means."""
         nodal = self.to_nodes(values, weights)
-        return (nodal[self.facet_nodes[:, : self.dim]] @ self.hats().T).ravel()
+        return (nodal[self.facet_nodes[:, : self.dim]] @ self.hats.T).ravel()
 
     def linear_part(self, values: np.ndarray) -> np.ndarray:
         """Least-squares linear part, facet by facet, of values at the points: what a quadratic velocity can balance."""
-        hats = self.hats()
-        w = self._reference_weights
-        projection = hats @ np.linalg.solve(hats.T @ (w[:, None] * hats), hats.T * w)
-        return (values.reshape(-1, self.points_per_facet) @ projection.T).ravel()
+        return (values.reshape(-1, self.points_per_facet) @ self._projection.T).ravel()
 
     def integral(self, values: np.ndarray) -> np.ndarray:
         """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""
         return total(self._nodes.comm, values.sum(axis=0))
 
-    def hats(self) -> np.ndarray:
-        """Linear shape functions of a facet's vertices at its points, (points per facet, dim)."""
-        cell = self._sub.basix_cell()
-        points, _ = basix.make_quadrature(cell, DEGREE[self.dim])
-        return basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
 
 
 def _tags(mesh, dim: int, facets: np.ndarray):

@@ -132,7 +132,7 @@ class RigidContact:
     def resume(self, pressure: dict[str, np.ndarray]) -> None:
         """Start from nodal pressures (nodes,), MPa, by tool, on the closest points found last: they become multipliers."""
         for tool in self.tools:
-            local = (pressure[tool.name][self.facets.facet_nodes[:, : self.facets.dim]] @ self.facets.hats().T).ravel()
+            local = (pressure[tool.name][self.facets.facet_nodes[:, : self.facets.dim]] @ self.facets.hats.T).ravel()
             tool.state.pressure, tool.state.active = local, local > 0
             tool.state.multiplier = local[:, None] * tool.state.normal
 
@@ -228,7 +228,13 @@ class RigidContact:
         return self.facets.integral(tool.traction * self.weights[:, None])
 
     def forces(self) -> np.ndarray:
+        """Forces of all tools on the body, (tools, dim), N."""
         return np.array([self.force(t) for t in self.tools])
+
+    def resultants(self) -> np.ndarray:
+        """Forces of the tools as far as they are resultants, (tools, k): in axisymmetry along the axis only."""
+        first = 1 if self.facets.axisymmetric else 0
+        return self.forces()[:, first:]
 
     def torque(self, tool: KnownTool) -> float:
         """Moment of the contact tractions on the body about the tool's axis of rotation, N mm."""
