@@ -87,7 +87,8 @@ def _outline(gmsh, shape, size, mirrors):
 def _disk(gmsh, shape, size, mirrors):
     occ = gmsh.model.occ
     body = [(2, occ.addDisk(*shape.centre, 0.0, shape.radius, shape.radius))]
-    _keep_high_half(occ, body, np.append(shape.centre, 0.0), shape.radius, [a for a in mirrors if shape.centre[a] < shape.radius])
+    through = [a for a in mirrors if shape.centre[a] < shape.radius]
+    _keep_high_half(occ, body, np.append(shape.centre, 0.0), shape.radius, through)
 
 
 def _box(gmsh, shape, size, mirrors):

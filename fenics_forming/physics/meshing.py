@@ -6,7 +6,8 @@ from contextlib import contextmanager
 
 import basix.ufl
 import numpy as np
-from dolfinx import fem, mesh as dmesh
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 from dolfinx.io.gmshio import cell_perm_array
 from mpi4py import MPI
 
@@ -81,7 +82,7 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
     def build(gmsh):
         geo = gmsh.model.geo
         tags = [geo.addPoint(x, y, 0.0, size) for x, y in points]
-        lines = [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1])]
+        lines = [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
         geo.addPlaneSurface([geo.addCurveLoop(lines)])
         geo.synchronize()
 

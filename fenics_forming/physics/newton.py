@@ -24,6 +24,22 @@ class FlowSolution:
     force_change: float
 
 
+CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What one solve is given: strain and temperature at the nodes and at the points, the characteristic rate, and the
+    gap below which contact is closed in the first guess."""
+
+    nodal_strain: np.ndarray
+    strain: np.ndarray
+    nodal_temperature: np.ndarray | None
+    temperature: np.ndarray | None
+    characteristic_rate: float
+    touching: float
+
+
 class FlowSolver:
     """Solve the flow of a workpiece again and again as its mesh moves; matrix and symbolic factorisation are kept."""
 
@@ -52,120 +68,134 @@ class FlowSolver:
         ConvergenceError
             if neither the warm start nor continuation in the regularisation converges.
         """
-        ratio = self.settings.regularisation
+        settings, body = self.settings, self.workpiece
+        task = _Task(strain, body.at_points(strain), temperature,
+                     None if temperature is None else body.at_points(temperature), characteristic_rate, touching)
         history = []
-        self.workpiece.tie_to_last_rate(characteristic_rate, None if self.workpiece.is_cold else step)
-        if not self.workpiece.is_cold:
+        if not body.is_cold:
+            body.tie_to_last_rate(characteristic_rate, step)
             try:
-                return self._iterate(strain, temperature, characteristic_rate, ratio, ratio, None)
+                return self._iterate(task, settings.regularisation)
             except ConvergenceError as failure:
-                history.append(str(failure))
-        self.workpiece.tie_to_last_rate(characteristic_rate, None)
-        for ladder in ((ratio,), tuple(r for r in (1e-1, 1e-2) if r > ratio) + (ratio,)):
+                history.append(failure.sentence)
+        body.tie_to_last_rate(characteristic_rate, None)
+        goal = settings.regularisation
+        for ladder in ((goal,), tuple(r for r in CONTINUATION if r > goal) + (goal,)):
             try:
-                spent = 0
-                for k, r in enumerate(ladder):
-                    found = self._iterate(strain, temperature, characteristic_rate, r, r,
-                                          touching if k == 0 else None)
-                    spent += found.iterations
-                if self.settings.augmented and self.workpiece.contact is not None:
-                    found = self._iterate(strain, temperature, characteristic_rate, ratio, ratio, None)
-                    spent += found.iterations
-                return FlowSolution(spent, found.velocity_change, found.force_change)
+                return self._from_nothing(task, ladder)
             except ConvergenceError as failure:
-                history.append(str(failure))
-        self.workpiece.is_cold = True
+                history.append(failure.sentence)
+        body.is_cold = True
         raise ConvergenceError("the flow did not converge: " + "; ".join(dict.fromkeys(history)), history=history,
                                advice="try a smaller step, a smaller solver.penalty_factor, or a larger "
                                       "solver.regularisation")
 
-    def _iterate(self, strain, temperature, characteristic_rate, ratio, slip_ratio, touching) -> FlowSolution:
-        body, s, contact = self.workpiece, self.settings, self.workpiece.contact
-        cold = touching is not None
-        points = body.at_points(strain)
-        heat = None if temperature is None else body.at_points(temperature)
-        sigma_nodes = self._nodal_flow_stress(strain, temperature, characteristic_rate)
-        slip0 = None
-        if cold:
-            body.solution.x.array[:] = 0.0
-            body.strain_rate[:] = 0.0
-            body.tau[:] = 0.0
-            body.rate0.value = characteristic_rate
-            slip0 = contact.slip0 / contact.slip_regularisation if contact is not None else None
-            if contact is not None:
-                contact.rebuild_stress()
-        else:
-            body.rate0.value = ratio * characteristic_rate
-            body.refresh_strain_rate()
-        rate = body.point_rate()
-        body.set_flow_stress(points, rate, heat)
-        body.cut_stress(rate)
-        if self._volume is None:
-            self._volume = body.volume()
-        mean = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
-        mean = float(mean[0] / mean[1])
-        self.usual_power = mean * characteristic_rate * self._volume
-        if contact is not None:
-            if contact.reference is None:
-                self._set_penalty(mean)
-            contact.scale_penalty(mean)
-            if s.augmented and not cold:
-                contact.augment()
-            contact.respond(body.velocity, flow_stress=sigma_nodes, touching=touching, slip0=slip0)
-            force = contact.resultants()
-        velocity_change = force_change = np.inf
-        free = self._satisfied()
-        for iteration in range(1, s.max_iterations + 1):
-            self._assemble(lifting=not free)
-            free = True
+    def _from_nothing(self, task: _Task, ladder) -> FlowSolution:
+        """The flow from a linear viscous start through the regularisations of the ladder, and once more to take the
+        penetration out where contact is augmented."""
+        spent = 0
+        for k, ratio in enumerate(ladder):
+            found = self._iterate(task, ratio, cold=k == 0)
+            spent += found.iterations
+        if self.settings.augmented and self.workpiece.contact is not None:
+            found = self._iterate(task, ladder[-1])
+            spent += found.iterations
+        return FlowSolution(spent, found.velocity_change, found.force_change)
+
+    def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:
+        """Newton iterations at one regularisation until velocities, forces and power no longer change."""
+        body, settings, contact = self.workpiece, self.settings, self.workpiece.contact
+        rate = self._start(task, ratio, cold)
+        force = contact.resultants() if contact is not None else np.zeros(1)
+        lifting = not self._satisfied()
+        for iteration in range(1, settings.max_iterations + 1):
+            self._assemble(lifting)
+            lifting = False
             self._linear_solve()
-            increment = body.increment.x.array
-            if contact is not None and iteration >= s.damping_from and iteration % 2 == 0:
-                increment *= 0.5
-            increment_rate = body.rate_of_increment()
-            body.update_stress(rate, increment_rate)
-            body.solution.x.array[:] += increment
-            if cold and iteration == 1:
-                # the linear viscous start is found; its stress would be a poor guess, so one Picard step follows
-                body.rate0.value = ratio * characteristic_rate
-                body.tau[:] = 0.0
-            rate = body.point_rate()
-            if body.law.depends_on_rate or body.continuity is not None or (cold and iteration == 1):
-                body.set_flow_stress(points, rate, heat)
-                if contact is not None and contact.needs_flow_stress and body.law.depends_on_rate:
-                    sigma_nodes = self._nodal_flow_stress(strain, temperature, characteristic_rate, body.nodal_rate())
-            body.cut_stress(rate)
+            if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0:
+                body.increment.x.array[:] *= 0.5
+            rate = self._advance(task, rate, ratio, first=cold and iteration == 1)
             velocity_change = self._relative_change()
             if not np.isfinite(velocity_change):
                 raise ConvergenceError(f"the velocities became infinite in iteration {iteration}")
-            if contact is not None:
-                old = force
-                contact.respond(body.velocity, flow_stress=sigma_nodes, relaxation=1.0 if iteration < 5 else 0.5 if iteration < 12 else 0.25,
-                                slip0=None if slip_ratio == s.regularisation else
-                                contact.slip0 * slip_ratio / s.regularisation)
-                force = contact.resultants()
-                size = np.abs(force).max()
-                force_change = np.abs(force - old).max() / size if size > 0 else 0.0
-            else:
-                force_change = 0.0
-            if velocity_change < s.velocity_tolerance and force_change < s.force_tolerance \
-                    and iteration > 1 + 2 * cold and self._power_imbalance() < s.power_tolerance:
+            before, force = force, self._respond(ratio, iteration)
+            force_change = _relative(force, before)
+            settled = velocity_change < settings.velocity_tolerance and force_change < settings.force_tolerance
+            if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance:
                 body.is_cold = False
-                body.keep_rate(rate, characteristic_rate)
+                body.keep_rate(rate, task.characteristic_rate)
                 return FlowSolution(iteration, velocity_change, force_change)
-        raise ConvergenceError(f"after {s.max_iterations} iterations the velocities still change by {velocity_change:.1e} "
-                               f"and the contact forces by {force_change:.1e} (regularisation {ratio:.1e})")
+        raise ConvergenceError(f"after {settings.max_iterations} iterations the velocities still change by "
+                               f"{velocity_change:.1e}, the contact forces by {force_change:.1e} and the power does not "
+                               f"balance by {self._power_imbalance():.1e} (regularisation {ratio:.1e})")
+
+    def _start(self, task: _Task, ratio: float, cold: bool) -> np.ndarray:
+        """Point data and contact for the first iteration; the regularised rate at the points, 1/s."""
+        body, contact = self.workpiece, self.workpiece.contact
+        self._sigma_nodes = self._nodal_flow_stress(task, None if body.is_cold or not body.law.depends_on_rate
+                                                    else body.nodal_rate())
+        if cold:
+            body.forget_flow()
+            body.rate0.value = task.characteristic_rate
+        else:
+            body.rate0.value = ratio * task.characteristic_rate
+            body.refresh_strain_rate()
+        rate = body.point_rate()
+        body.set_flow_stress(task.strain, rate, task.temperature)
+        body.cut_stress(rate)
+        sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
+        flow_stress = float(sums[0] / sums[1])
+        if self._volume is None:
+            self._volume = body.volume()
+        self.usual_power = flow_stress * task.characteristic_rate * self._volume
+        if contact is not None:
+            if contact.reference is None:
+                self._set_penalty(flow_stress)
+            contact.scale_penalty(flow_stress)
+            if cold:
+                contact.rebuild_stress()
+            elif self.settings.augmented:
+                contact.augment()
+            contact.respond(body.velocity, flow_stress=self._sigma_nodes, touching=task.touching if cold else None,
+                            slip0=contact.slip0 / contact.slip_regularisation if cold else None)
+        return rate
+
+    def _advance(self, task: _Task, rate: np.ndarray, ratio: float, first: bool) -> np.ndarray:
+        """Velocity, stress and flow stress after the increment; the regularised rate at the points, 1/s."""
+        body = self.workpiece
+        body.update_stress(rate, body.rate_of_increment())
+        body.solution.x.array[:] += body.increment.x.array
+        if first:
+            # the linear viscous start is found; its stress would be a poor guess, so one Picard step follows
+            body.rate0.value = ratio * task.characteristic_rate
+            body.tau[:] = 0.0
+        rate = body.point_rate()
+        if body.law.depends_on_rate or body.continuity is not None or first:
+            body.set_flow_stress(task.strain, rate, task.temperature)
+        if body.law.depends_on_rate and self._sigma_nodes is not None:
+            self._sigma_nodes = self._nodal_flow_stress(task, body.nodal_rate())
+        body.cut_stress(rate)
+        return rate
+
+    def _respond(self, ratio: float, iteration: int) -> np.ndarray:
+        """Contact tractions at the present velocities; the resultant forces, (tools, k)."""
+        contact, settings = self.workpiece.contact, self.settings
+        if contact is None:
+            return np.zeros(1)
+        grip = 1.0 if iteration < 5 else 0.5 if iteration < 12 else 0.25     # calms points that open and close
+        contact.respond(self.workpiece.velocity, flow_stress=self._sigma_nodes, relaxation=grip,
+                        slip0=contact.slip0 * ratio / settings.regularisation)
+        return contact.resultants()
 
     # ------------------------------------------------------------------ parts of an iteration
-    def _nodal_flow_stress(self, strain, temperature, characteristic_rate, nodal_rate=None):
+    def _nodal_flow_stress(self, task: _Task, rate: np.ndarray | None) -> np.ndarray | None:
+        """Flow stress at the nodes, which limits friction; None where there is none. Without a rate: the usual one."""
         body = self.workpiece
         if body.contact is None or not body.contact.needs_flow_stress:
             return None
-        floor = self.settings.regularisation * characteristic_rate
-        if nodal_rate is None:
-            nodal_rate = np.full(len(strain), characteristic_rate) if body.is_cold or not body.law.depends_on_rate \
-                else body.nodal_rate()
-        return np.broadcast_to(body.law(strain, np.maximum(nodal_rate, floor), temperature), strain.shape)
+        usual = task.characteristic_rate
+        rate = np.full(body.nodes.count, usual) if rate is None else np.maximum(rate, self.settings.regularisation * usual)
+        return np.broadcast_to(body.law(task.nodal_strain, rate, task.nodal_temperature), rate.shape)
 
     def _set_penalty(self, flow_stress: float):
         body, contact = self.workpiece, self.workpiece.contact
@@ -237,3 +267,9 @@ class FlowSolver:
         v = body.solution.x.array[body.owned_velocity_dofs]
         sums = total(body.nodes.comm, np.array([d @ d, v @ v]))
         return float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0
+
+
+def _relative(force: np.ndarray, before: np.ndarray) -> float:
+    """Greatest change of the forces relative to the greatest force; 0 where there is none."""
+    size = np.abs(force).max()
+    return float(np.abs(force - before).max() / size) if size > 0 else 0.0

@@ -11,8 +11,8 @@ import numpy as np
 from dolfinx import fem, la
 from dolfinx.mesh import Mesh
 
+from . import compiling  # noqa: F401  before the first form or space is compiled
 from .parallel import highest, lowest
-
 
 QUADRATURE_DEGREE = {2: 3, 3: 2}   # of the flow: 6 points a triangle, 4 a tetrahedron
 
@@ -62,7 +62,7 @@ class Nodes:
         return scale * np.abs(np.linalg.det(p[:, 1:] - p[:, :1]))
 
     def smallest_jacobian(self) -> float:
-        """Smallest determinant of the cell maps at the integration points of the owned cells, mm² or mm³ (negative: inverted)."""
+        """Smallest determinant of the cell maps at the integration points, mm² or mm³; negative: inverted."""
         x = self.x[self.cells]
         jacobian = np.einsum("kqa,cad->cqdk", self._gradients, x)
         if self.dim == 2:

@@ -237,6 +237,12 @@ class Workpiece:
         nodal[v] = -self.solution.x.array[self.pressure_dofs[v]]
         return self.nodes.with_mids(nodal)
 
+    def forget_flow(self) -> None:
+        """Start from nothing: no velocity, no stress."""
+        self.solution.x.array[:] = 0.0
+        self.strain_rate[:] = 0.0
+        self.tau[:] = 0.0
+
     def set_start(self, velocity: np.ndarray, mean_stress: np.ndarray) -> None:
         """Take nodal velocities and mean stresses of an earlier solve as the start of the next one."""
         v = self.nodes.is_vertex

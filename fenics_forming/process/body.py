@@ -14,7 +14,6 @@ from ..physics.workpiece import Workpiece
 from .integration import Flow
 from .shifting import put_on_tools
 
-
 HOVER = 2e-4   # of the size of a contact facet: a pressed node that hovers less than this above its tool is on it
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 MOST_DRIFT = 0.01      # of the volume; above, the force of upsetting is off by a few per cent
-MOST_PENALTY = 0.02    # of the power of the tools; the coarse billet gave 1 % with forces 4 % too large, 3 % with 10, 9 % with 80
+MOST_PENALTY = 0.02    # of the power of the tools; on the coarse billet 1 % went with forces 4 % too large, 3 % with 10 %
 
 
 class VolumeLedger:

@@ -438,8 +438,9 @@ def test_friction_of_a_solve_takes_power_and_stays_below_its_limit(kind, frictio
                                             rel=1e-6)
     state, tool = upset.tools[0].state, upset.tools[0]
     tangential = np.linalg.norm(tool.traction - state.pressure[:, None] * state.normal, axis=1)
-    sigma = upset.contact.facets.trace(upset.solver._nodal_flow_stress(np.zeros(upset.nodes.count), None, 1.0,
-                                                                      upset.body.nodal_rate()))
+    floor = upset.solver.settings.regularisation * 1.0
+    nodal = upset.body.law(np.zeros(upset.nodes.count), np.maximum(upset.body.nodal_rate(), floor), None)
+    sigma = upset.contact.facets.trace(np.broadcast_to(nodal, upset.nodes.count))
     shear = sigma / np.sqrt(3)
     bound = {"siebel": 0.3, "coulomb": 1.0, "sticking": 2.0}[friction.law] * shear
     # the rate of the last iteration but one made the limit: 1e-6

@@ -10,7 +10,8 @@ import basix
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import fem, mesh as dmesh
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 
 from ..kinematics import Kinematics
 from ..nodes import Nodes
