@@ -328,7 +328,10 @@ def _pieces_of_speed(times, speed):
     # a node where the speed changes sign, so that the stroke grows monotonically within every interval
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0)
     share = speed[turns] / (speed[turns] - speed[turns + 1])
-    times = np.insert(times, turns + 1, times[turns] + share * np.diff(times)[turns])
+    crossings = times[turns] + share * np.diff(times)[turns]
+    between = (crossings > times[turns]) & (crossings < times[turns + 1])      # not rounded onto a node
+    turns = turns[between]
+    times = np.insert(times, turns + 1, crossings[between])
     speed = np.insert(speed, turns + 1, 0.0)
     step = np.diff(times)
     increments = (speed[1:] + speed[:-1]) / 2 * step

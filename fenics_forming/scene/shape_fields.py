@@ -74,11 +74,14 @@ def check_format(path, endings):
         raise at_key("path", f"'{path}' has a format that cannot be read; allowed: {allowed}", path, allowed)
 
 
+LEAST_EXTENT = 1e-12   # mm, and relative to the coordinates
+
+
 def check_extent(low, high):
     """Refuse a rectangle or box whose upper corner does not lie above its lower one."""
     for number, (a, b) in enumerate(zip(low, high, strict=True), start=1):
-        if not b > a:
-            thickness = "zero" if a == b else "negative"
+        if not b - a > LEAST_EXTENT * max(1.0, abs(a), abs(b)):
+            thickness = "negative" if b < a else "zero"
             sentence = f"component {number} is {b:g}, not above {a:g} of 'from': the thickness would be {thickness}"
             raise at_key("to", sentence, high, f"more than {a:g}")
 

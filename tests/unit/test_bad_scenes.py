@@ -269,7 +269,7 @@ def places(table, above=()):
             yield from places(value, (*above, key))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300, deadline=None, derandomize=True)   # the same in every run; explore with a larger number
 @given(st.sampled_from([BILLET, ROLLING]), st.data())
 def test_any_value_anywhere_makes_a_scene_or_a_scene_error(text, data):
     values = copy.deepcopy(tomllib.loads(text))

@@ -1,0 +1,153 @@
+"""``forming run | check | plot | info`` as a user starts them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from .scenes import BILLET, BLOCK, COARSE_BILLET, run, scene_file
+
+HEAVY = ("dolfinx", "petsc4py", "gmsh", "numba", "mpi4py", "pyvista", "ufl", "basix")
+
+
+def forming(*words, timeout: float = 60):
+    """Exit code, stdout and stderr of the command."""
+    done = subprocess.run([sys.executable, "-m", "fenics_forming", *map(str, words)], capture_output=True, text=True,
+                          timeout=timeout)
+    return done.returncode, done.stdout, done.stderr
+
+
+def imported(*words) -> set[str]:
+    """The heavy packages that a command imports."""
+    script = ("import sys\nfrom fenics_forming.cli import main\ncode = main(sys.argv[1:])\n"
+              "print('IMPORTED', code, *(m for m in sys.modules if '.' not in m))")
+    done = subprocess.run([sys.executable, "-c", script, *map(str, words)], capture_output=True, text=True, timeout=60)
+    line = next(text for text in done.stdout.splitlines() if text.startswith("IMPORTED"))
+    return set(line.split()[2:]) & set(HEAVY)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The results of a short run."""
+    folder = tmp_path_factory.mktemp("block")
+    run(BLOCK, folder, "stop.stroke=0.1")
+    return folder
+
+
+# ---------------------------------------------------------------------- run
+def test_run_prints_a_row_per_step_and_writes_the_folder(tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    code, out, err = forming("run", path, "--out", tmp_path / "out", "--set", "stop.stroke='0.1 mm'")
+    assert (code, err) == (0, "")
+    assert "A block between two plates in plane strain" in out and "stroke 0.1 mm reached" in out
+    assert {"history.csv", "summary.json", "scene.toml", "fields.pvd", "checkpoint.npz"} <= \
+        {p.name for p in (tmp_path / "out").iterdir()}
+    assert len((tmp_path / "out" / "history.csv").read_text().splitlines()) == 1 + 3
+
+
+def test_quiet_prints_nothing(tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    assert forming("run", path, "--out", tmp_path / "out", "--quiet", "--set", "stop.stroke=0.05") == (0, "", "")
+    assert (tmp_path / "out" / "summary.json").exists()
+
+
+def test_set_changes_the_scene_that_is_kept(tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    code, _, _ = forming("run", path, "--out", tmp_path / "out", "--quiet", "--set", "stop.stroke='0.05 mm'",
+                         "--set", "tools.upper.friction={ law = 'coulomb', coefficient = 0.1 }")
+    kept = (tmp_path / "out" / "scene.toml").read_text()
+    assert code == 0 and "coulomb" in kept and "stroke = 0.05" in kept
+
+
+def test_warnings_of_the_results_are_printed(tmp_path):
+    path = scene_file(BILLET, tmp_path)
+    words = [word for change in (*COARSE_BILLET, "steps.stroke=2") for word in ("--set", change)]
+    code, out, _ = forming("run", path, "--out", tmp_path / "out", *words)
+    assert code == 0, "a doubt is no failure"
+    assert "warning: penalty and landing points take" in out
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["--set", "steps.strok=1"], "did you mean 'stroke'"),
+    (["--set", "workpieces.block.material='led'"], "did you mean 'lead'"),
+    (["--set", "stop.stroke='5 N'"], "stop.stroke"),
+    (["--set", "steps.stroke=9"], "steps.stroke"),
+    (["--resume"], "there is no checkpoint"),
+], ids=["key", "name", "unit", "size", "resume"])
+def test_bad_scene_is_one_sentence_and_writes_nothing(words, says, tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    code, out, err = forming("run", path, "--out", tmp_path / "out", *words)
+    assert code == 2 and out == ""
+    assert err.startswith("error: ") and says in err and len(err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_scene_file_is_one_sentence(tmp_path):
+    code, out, err = forming("run", tmp_path / "none.toml")
+    assert code == 2 and out == "" and "does not exist" in err and len(err.splitlines()) == 1
+
+
+def test_damaged_checkpoint_is_one_sentence(folder, tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    (tmp_path / "checkpoint.npz").write_bytes(b"not a checkpoint")
+    code, out, err = forming("run", path, "--out", tmp_path, "--resume", "--quiet")
+    assert code == 2 and "damaged" in err and len(err.splitlines()) == 1
+
+
+# ---------------------------------------------------------------------- check and info
+def test_check_prints_the_scene_and_runs_nothing(tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    code, out, err = forming("check", path)
+    assert (code, err) == (0, "") and "the scene is fine" in out and "siebel" in out
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_check_names_what_is_wrong(tmp_path):
+    code, out, err = forming("check", scene_file(BLOCK, tmp_path), "--set", "geometry='plain_strain'")
+    assert code == 2 and "plane_strain" in err and len(err.splitlines()) == 1
+
+
+def test_check_and_info_import_no_solver(folder, tmp_path):
+    path = scene_file(BLOCK, tmp_path)
+    assert imported("check", path) == set()
+    assert imported("check", path, "--set", "steps.strok=1") == set()
+    assert imported("info") == set()
+    assert imported("info", folder) == set()
+    assert imported("run", path, "--set", "steps.strok=1") == set()
+
+
+def test_info_tells_versions_and_what_a_folder_holds(folder, tmp_path):
+    code, out, _ = forming("info")
+    assert code == 0 and "fenics_forming" in out and "petsc4py" in out
+    code, out, _ = forming("info", folder)
+    assert code == 0 and "largest force" in out and "stroke 0.1 mm reached" in out
+    code, out, err = forming("info", tmp_path)
+    assert code == 2 and "holds no results" in err and len(err.splitlines()) == 1
+
+
+# ---------------------------------------------------------------------- plot
+def test_plot_writes_pictures_and_names_them(folder):
+    code, out, err = forming("plot", folder)
+    assert code == 0, err
+    pictures = out.split()
+    assert {"force_stroke.png", "effective_strain.png", "mesh.png"} <= {name.rsplit("/", 1)[-1] for name in pictures}
+    for name in pictures:
+        with open(name, "rb") as file:
+            assert file.read(8) == b"\x89PNG\r\n\x1a\n"
+
+
+def test_plot_of_one_field(folder):
+    code, out, _ = forming("plot", folder, "--field", "contact_pressure", "--frame", "0")
+    assert code == 0 and out.strip().endswith("contact_pressure.png")
+
+
+def test_plot_of_a_field_that_is_not_there(folder):
+    code, out, err = forming("plot", folder, "--field", "effective_strian")
+    assert code == 2 and "effective_strain" in err and len(err.splitlines()) == 1
+
+
+def test_plot_of_an_empty_folder(tmp_path):
+    code, _, err = forming("plot", tmp_path)
+    assert code == 2 and "holds no results" in err

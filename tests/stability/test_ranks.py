@@ -1,0 +1,83 @@
+"""The number of ranks changes nothing: histories on two and three ranks against one, to rounding."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fenics_forming.results import Results
+
+from .scenes import BILLET, BLOCK, COARSE_BILLET, COARSE_RING, CUBE, PUNCHES, RING, run, scene_file
+
+pytestmark = pytest.mark.mpi
+ROUNDING = 1e-8     # relative to the largest value of a column; sums of another order, of 200 dofs and 10 steps
+
+
+def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False, timeout: float = 120) -> Results:
+    """Run a scene by ``forming run`` on ``count`` ranks."""
+    path = scene_file(text, folder)
+    words = ["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", "run", str(path), "--out", str(folder),
+             "--quiet", *(f"--set={change}" for change in changes), *(["--resume"] if resume else [])]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=timeout, env=os.environ)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return Results.read(folder)
+
+
+def scale(name: str, values: np.ndarray) -> float:
+    """What a difference counts against: relative numbers and lengths against one, the rest against their largest."""
+    lengths = name.startswith(("volume_error", "power_imbalance")) or name.endswith(("_x_mm", "_y_mm", "_z_mm", "_r_mm"))
+    return 1.0 if lengths else float(np.abs(values).max()) or 1.0
+
+
+def same(one, other, *, but=("wall_s",), within: float = ROUNDING) -> None:
+    assert one.columns == other.columns and len(one) == len(other)
+    for name in one.columns:
+        if name not in but:
+            a, b = one.column(name), other.column(name)
+            # the imbalance is a difference of large powers: what the Newton leaves of it varies with rounding
+            bound = 1e-5 if name == "power_imbalance" else within
+            assert np.abs(a - b).max() <= bound * scale(name, a), (name, a, b)
+
+
+CASES = {"billet": (BILLET, COARSE_BILLET), "ring": (RING, COARSE_RING), "punches": (PUNCHES, ()), "cube": (CUBE, ())}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_two_ranks_find_what_one_finds(case, tmp_path):
+    text, changes = CASES[case]
+    one = run(text, tmp_path / "one", *changes).results
+    two = on_ranks(2, text, tmp_path / "two", *changes)
+    same(one.history, two.history)
+    assert two.summary["ranks"] == 2 and len(two.frames) == len(one.frames)
+
+
+def test_rank_without_contact_and_without_mirror_plane(tmp_path):
+    """A slender block on three ranks: the middle one touches no tool at all, two of them have no fixed velocity."""
+    changes = ("workpieces.block.shape={ kind = 'rectangle', from = [0, 0], to = [1, 6] }", "workpieces.block.symmetry=['x']",
+               "workpieces.block.mesh_size=0.5", "tools.upper.shape.point=[0, 6]", "stop.stroke='0.2 mm'")
+    one = run(BLOCK, tmp_path / "one", *changes).results
+    three = on_ranks(3, BLOCK, tmp_path / "three", *changes)
+    same(one.history, three.history)
+
+
+def test_rank_that_owns_no_facet_that_a_tool_may_touch(tmp_path):
+    """Three ranks share the quarter ring section of 14 cells: one has neither contact facets nor fixed velocities."""
+    changes = ("workpieces.ring.mesh_size=2.5", "steps.stroke=0.2", "stop.stroke=0.4")
+    one = run(RING, tmp_path / "one", *changes).results
+    three = on_ranks(3, RING, tmp_path / "three", *changes)
+    same(one.history, three.history)
+
+
+def test_failure_ends_every_rank(tmp_path):
+    """All ranks find the same error: exit code 1 and one sentence, not ranks that wait for each other."""
+    path = scene_file(BLOCK, tmp_path)
+    done = subprocess.run(["mpirun", "-n", "2", sys.executable, "-m", "fenics_forming", "run", str(path), "--out",
+                           str(tmp_path), "--quiet", "--set=solver.max_iterations=2"],
+                          capture_output=True, text=True, timeout=120, env=os.environ)
+    assert done.returncode == 1
+    assert done.stderr.count("the run failed: ") == 1
+    assert Results.read(tmp_path).summary["stopped"].startswith("failed")
