@@ -26,7 +26,7 @@ from .process.body import FlowingBody
 from .process.integration import SCHEMES, Flow, StepEnd
 from .process.timestep import Adaptivity, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
-from .results.gather import scatter_cell_values, scatter_nodal
+from .results.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results
@@ -83,7 +83,7 @@ class Simulation:
                                 temperature=scene.workpiece.temperature)
         self.scheme = SCHEMES[scene.scheme]()
         self.points = self._tracked()
-        self.start_volume = workpiece.volume()
+        self.start_volume = workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
 
@@ -190,6 +190,9 @@ class Simulation:
         except KeyboardInterrupt:
             why = "interrupted"
             raise
+        except Exception as error:
+            why = f"failed: {error!r}"
+            raise
         finally:
             doubts = recorder.doubts()
             recorder.finish(state, why, [*self.warnings, *doubts])
@@ -206,21 +209,25 @@ class Simulation:
         return State(0, 0.0, strain, self.body.solve(0.0, strain, dt), dt)
 
     def _resumed(self) -> State:
-        saved, body = self._saved.scalars, self.body
+        saved, body, workpiece = self._saved.scalars, self.body, self.body.workpiece
         local = {name: scatter_nodal(self.nodes, values if self.comm.rank == 0 else None)
                  for name, values in self._saved.nodal.items()}
-        self.start_volume = saved["start_volume"]
         self.choice.resume(saved["step_fraction"])
+        self.scheme.remember(saved["scheme"], {name.removeprefix("scheme."): values for name, values in local.items()
+                                               if name.startswith("scheme.")})
         body.speed, body.contact.reference = saved["speed"], saved["penalty"]
         body.move_tools(saved["time"])
-        if not saved["at_rest"]:
+        body.size, body.reach = saved["size"], saved["reach"]
+        body.search(saved["dt"])
+        if saved["at_rest"]:
+            flow = body.rest()
+        else:
             cellwise = {name: scatter_cell_values(self.nodes, values if self.comm.rank == 0 else None)
                         for name, values in self._saved.cellwise.items()}
-            body.workpiece.set_start(local["velocity"], local["mean_stress"])
-            body.workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
-            body.search(saved["dt"])
-            body.contact.resume({tool.name: local[f"pressure_{tool.name}"] for tool in body.tools})
-        flow = body.solve(saved["time"], local["strain"], saved["dt"])
+            workpiece.set_start(local["velocity"], local["mean_stress"])
+            workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
+            body.contact.resume(scatter_facets(self.nodes, body.contact.facets, self._saved.facetwise), local["velocity"])
+            flow = Flow(workpiece.velocity, workpiece.nodal_rate(), 0)
         return State(saved["step"], saved["time"], local["strain"], flow, saved["dt"])
 
     def _advance(self, state: State, observer) -> tuple[State, str]:
@@ -228,6 +235,7 @@ class Simulation:
         body = self.body
         if state.time in self._turns:
             state = self._turned(state)
+        wanted, shortened, tries = self.scene.stop.height, None, 0     # a height to stop at is hit by secants
         while True:
             limit = self.choice.next(state.time, state.flow.rate)
             dt, reason = limit.dt, limit.reason
@@ -236,10 +244,11 @@ class Simulation:
                 touch = body.time_to_contact(dt)
                 if 1e-9 * dt < touch < dt:
                     dt, reason = touch, "contact"
-            elif (height := self.scene.stop.height) is not None:
-                reached = body.time_to_height(height, state.flow.velocity, dt)
+            elif wanted is not None:
+                reached = body.time_to_height(wanted, state.flow.velocity, dt) if shortened is None else shortened
                 if reached < dt:
                     dt, reason = max(reached, 1e-6 * dt), "target"
+            height = body.height()
             before, scheme = body.snapshot(), copy.copy(self.scheme)
             try:
                 end = self.scheme.advance(body, state.flow, state.time, state.strain, dt) \
@@ -249,7 +258,7 @@ class Simulation:
                 ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
                 ahead = ahead if 0 < ahead < np.inf else dt
                 body.move_tools(time - 1e-12 * dt if turns else time)
-                flow = body.solve(time, end.strain, ahead)
+                flow = body.solve(time, end.strain, self.scheme.look_ahead * ahead)
             except ConvergenceError as failure:
                 self._go_back(before, scheme, state.time)
                 if not self.choice.failed(state.time, limit.dt):
@@ -260,6 +269,10 @@ class Simulation:
             except KeyboardInterrupt:            # what is written next must belong together
                 self._go_back(before, scheme, state.time)
                 raise
+            if wanted is not None and tries < 5 and body.height() < wanted * (1 - 1e-6):
+                tries, shortened = tries + 1, dt * (height - wanted) / (height - body.height())
+                self._go_back(before, scheme, state.time)
+                continue
             self.choice.succeeded(end.error, body.size)
             spent = Flow(flow.velocity, flow.rate, flow.iterations + end.iterations)
             self.solves += 1 + end.solves
@@ -314,15 +327,18 @@ class Simulation:
     def save(self, path: Path, state: State) -> None:
         """Write the state so that a run on any number of ranks can go on from it."""
         w, contact = self.body.workpiece, self.body.contact
+        numbers, remembered = self.scheme.memory()
         save_checkpoint(path, self.nodes, scalars={
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
             "points": {name: [float(c) for c in p.value(self.nodes.x)] for name, p in self.points.items()},
             "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
-            "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction},
+            "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
+            "size": self.body.size, "reach": self.body.reach, "scheme": numbers},
             nodal={"strain": state.strain, "velocity": w.velocity, "mean_stress": w.mean_stress,
-                   **{f"pressure_{name}": values for name, values in contact.nodal_pressures().items()}},
-            cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)))
+                   **{f"scheme.{name}": values for name, values in remembered.items()}},
+            cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
+            facetwise=contact.memory(), facets=contact.facets)
 
 
 def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm=MPI.COMM_WORLD) -> Results:

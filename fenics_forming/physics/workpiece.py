@@ -259,6 +259,7 @@ class Workpiece:
     def set_point_data(self, stress: np.ndarray, rate: np.ndarray, rate_scale: float) -> None:
         """Take over what :meth:`point_data` gave; the rates belong to the characteristic rate ``rate_scale``, 1/s."""
         self.tau[:] = stress.reshape(self.tau.shape)
+        self.refresh_strain_rate()
         self.last_rate = (rate.ravel(), rate_scale)
 
     def nodal_rate(self) -> np.ndarray:

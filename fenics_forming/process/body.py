@@ -47,7 +47,7 @@ class FlowingBody:
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
         self.seconds = {"contact search": 0.0, "shifting": 0.0}
         self.speed = 0.0
-        self._reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
+        self.reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
         self.sunk = 0.0
         self._flows_by_itself = "body_force" in workpiece.terms or \
             any(callable(c.value) or c.value != 0 for c in workpiece.fixed)
@@ -68,7 +68,7 @@ class FlowingBody:
         start = perf_counter()
         self.move_tools(time)
         held = {} if self.workpiece.is_cold else self.contact.pressed_nodes() if self.tools else {}
-        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, self._reach) if self.tools else 0.0
+        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, self.reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
 
     def search(self, dt: float) -> None:

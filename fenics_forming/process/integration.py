@@ -48,10 +48,22 @@ class Body(Protocol):
     def velocity_gradient(self) -> np.ndarray: ...
 
 
-class Explicit:
+class Scheme:
+    """What the schemes share: nothing to remember of the steps before."""
+
+    def memory(self) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        """Numbers and nodal arrays that the next step needs of the steps before, by name."""
+        return {}, {}
+
+    def remember(self, numbers: dict[str, float], nodal: dict[str, np.ndarray]) -> None:
+        """Take over what :meth:`memory` gave."""
+
+
+class Explicit(Scheme):
     """x + v dt with the velocity of the start; first order, one solve a step."""
 
     name = "explicit"
+    look_ahead = 1.0    # of the step, by the contact of the solve at its start
 
     def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
         body.x[:] = shifting.explicit(body.x, start.velocity, dt)
@@ -59,14 +71,27 @@ class Explicit:
         return StepEnd(strain + dt * start.rate, 0, 0, None, np.inf)
 
 
-class Etd2:
+class Etd2(Scheme):
     """The exponential shift; second order, exact for rigid rotation, one solve a step."""
 
     name = "etd2"
+    look_ahead = 1.0
 
     def __init__(self):
         self._memory: shifting.FlowMemory | None = None
         self._rate: tuple[np.ndarray, float] | None = None
+
+    def memory(self):
+        last = self._memory
+        if last is None:
+            return {}, {}
+        return {"dt": last.dt}, {"velocity": last.velocity, "gradient": last.gradient, "positions": last.positions,
+                                 "rate": self._rate[0]}
+
+    def remember(self, numbers, nodal):
+        if nodal:
+            self._memory = shifting.FlowMemory(nodal["velocity"], nodal["gradient"], nodal["positions"], numbers["dt"])
+            self._rate = (nodal["rate"], numbers["dt"])
 
     def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
         x, gradient = body.x.copy(), body.velocity_gradient()
@@ -80,10 +105,16 @@ class Etd2:
         return StepEnd(strain + np.maximum(increment, 0.0), 0, 0, None, np.inf)
 
 
-class Midpoint:
-    """Solve again half-way and move by that velocity; second order, two solves a step (the default)."""
+class Midpoint(Scheme):
+    """Solve again half-way and move by that velocity; second order, two solves a step (the default).
+
+    The velocity of the start carries the nodes for half of the step only, so its contact need not look ahead to the end:
+    with the whole step, landing points press too early (sticking billet at 60 %, steps of 3 % of the height: 2 to 3 %
+    too much force), with half of it they come late and chatter (4 % too little, 1.5 times the iterations).
+    """
 
     name = "midpoint"
+    look_ahead = 0.8
 
     def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
         x0 = body.x.copy()
@@ -96,10 +127,11 @@ class Midpoint:
         return StepEnd(strain + dt * middle.rate, middle.iterations, 1, None, error)
 
 
-class Trapezoid:
+class Trapezoid(Scheme):
     """The mean of the velocities at both ends, solved again on the end geometry until it no longer moves."""
 
     name = "trapezoid"
+    look_ahead = 1.0
 
     def __init__(self, passes: int = 8, tolerance: float = 1e-5):
         self.passes, self.tolerance = passes, tolerance

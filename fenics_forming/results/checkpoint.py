@@ -10,9 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .files import ResultsError, on_rank_zero, whole_file
-from .gather import gather_cell_values, gather_cells, gather_nodal, scatter_cell_values, scatter_nodal
+from .gather import (
+    gather_cell_values,
+    gather_cells,
+    gather_facets,
+    gather_nodal,
+    scatter_cell_values,
+    scatter_nodal,
+)
 
 if TYPE_CHECKING:  # results are read without dolfinx
+    from ..physics.contact.facets import ContactFacets
     from ..physics.nodes import Nodes
 
 KIND = "fenics_forming checkpoint 1"
@@ -26,6 +34,7 @@ class Checkpoint:
     ----------
     scalars : what was given as such (anything that JSON can hold)
     nodal, cellwise : arrays by name, rows in the order of the mesh as it was given, or local to a `Nodes`
+    facetwise : arrays by name as `gather_facets` makes them, never local
     positions : (nodes, dim) mm, where the nodes lay; rows as in ``nodal``
     cells : (cells, nodes per cell) rows of the nodes, basix order, in the order of the mesh as it was given
     """
@@ -35,6 +44,7 @@ class Checkpoint:
     positions: np.ndarray
     cells: np.ndarray = field(repr=False)
     cellwise: dict[str, np.ndarray] = field(default_factory=dict)
+    facetwise: dict[str, np.ndarray] = field(default_factory=dict)
 
     def mesh(self, comm):
         """The mesh as it was, order 2, distributed over the ranks of ``comm``. Collective.
@@ -62,6 +72,8 @@ def save_checkpoint(
     scalars: dict,
     nodal: dict[str, np.ndarray],
     cellwise: dict[str, np.ndarray] | None = None,
+    facetwise: dict[str, np.ndarray] | None = None,
+    facets: ContactFacets | None = None,
 ) -> None:
     """Write the state of one body; an interrupted write leaves the checkpoint before it. Collective.
 
@@ -71,6 +83,7 @@ def save_checkpoint(
     scalars : numbers, words, lists and dictionaries of them
     nodal : values at the nodes, (count, …)
     cellwise : values per owned cell, (cells, …)
+    facetwise : values at the points of the contact ``facets``, (points, k)
     """
     path = Path(path)
     arrays = {"cells": gather_cells(nodes), "positions": gather_nodal(nodes, nodes.x)}
@@ -78,6 +91,9 @@ def save_checkpoint(
     arrays |= {
         f"cellwise.{name}": gather_cell_values(nodes, values) for name, values in (cellwise or {}).items()
     }
+    if facets is not None:
+        gathered = gather_facets(nodes, facets, facetwise or {}) or {}
+        arrays |= {f"facetwise.{name}": values for name, values in gathered.items()}
     words = json.dumps(scalars, default=_plain)
 
     def write():
@@ -110,6 +126,7 @@ def load_checkpoint(path: Path | str, nodes: Nodes | None = None) -> Checkpoint:
         positions=scatter_nodal(nodes, loaded.positions),
         nodal={name: scatter_nodal(nodes, values) for name, values in loaded.nodal.items()},
         cellwise={name: scatter_cell_values(nodes, values) for name, values in loaded.cellwise.items()},
+        facetwise=loaded.facetwise,
     )
 
 
@@ -135,6 +152,7 @@ def _read(path):
                 positions=file["positions"],
                 cells=file["cells"],
                 cellwise=_named(file, "cellwise"),
+                facetwise=_named(file, "facetwise"),
             )
     except Exception as error:  # zipfile, zlib, numpy and json each have their own
         raise ResultsError(f"the checkpoint '{path}' is damaged or is not one: {error}") from error

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 if TYPE_CHECKING:  # results are read without dolfinx
+    from ..physics.contact.facets import ContactFacets
     from ..physics.nodes import Nodes
 
 
@@ -62,6 +63,36 @@ def scatter_nodal(nodes: Nodes, values: np.ndarray | None) -> np.ndarray:
 def scatter_cell_values(nodes: Nodes, values: np.ndarray | None) -> np.ndarray:
     """The local part of gathered values per cell given on rank 0: (cells, …). Collective."""
     return nodes.comm.bcast(values, 0)[numbering(nodes).cell_rows]
+
+
+def gather_facets(nodes: Nodes, facets: ContactFacets, values: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
+    """Values (points, k) on contact facets on rank 0, None elsewhere: by name (facets, points per facet, k). Collective.
+
+    The facets are sorted by the rows of their vertices, given as "vertices", their points by those vertices too.
+    """
+    vertices, points = facets.points_from(numbering(nodes).node_rows)
+    local = np.arange(len(points))[:, None]
+    seen = {n: v.reshape(len(points), facets.points_per_facet, -1)[local, points] for n, v in values.items()}
+    parts = nodes.comm.gather({"vertices": vertices, **seen}, 0)
+    if parts is None:
+        return None
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = np.lexsort(whole["vertices"].T[::-1])
+    return {name: array[order] for name, array in whole.items()}
+
+
+def scatter_facets(nodes: Nodes, facets: ContactFacets, gathered: dict[str, np.ndarray] | None) -> dict[str, np.ndarray]:
+    """The local part (points, k), by name, of what :func:`gather_facets` gave on rank 0. Collective."""
+    gathered = nodes.comm.bcast(gathered, 0)
+    vertices, points = facets.points_from(numbering(nodes).node_rows)
+    row_of = {tuple(corners): row for row, corners in enumerate(gathered["vertices"].tolist())}
+    rows = np.array([row_of[tuple(corners)] for corners in vertices.tolist()], dtype=int)
+    out = {}
+    for name in gathered.keys() - {"vertices"}:
+        values = np.empty((len(rows),) + gathered[name].shape[1:])
+        values[np.arange(len(rows))[:, None], points] = gathered[name][rows]
+        out[name] = values.reshape(-1, values.shape[-1])
+    return out
 
 
 def _all(comm, values):

@@ -100,7 +100,7 @@ def test_damaged_checkpoint_is_one_sentence(folder, tmp_path):
 def test_check_prints_the_scene_and_runs_nothing(tmp_path):
     path = scene_file(BLOCK, tmp_path)
     code, out, err = forming("check", path)
-    assert (code, err) == (0, "") and "the scene is fine" in out and "siebel" in out
+    assert (code, err) == (0, "") and "the scene is fine" in out and "friction" in out
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 

@@ -59,7 +59,7 @@ def test_tool_from_afar_presses_only_when_it_touches_and_touches_exactly(tmp_pat
     assert (history.column("max_effective_strain")[: touch + 1] == 0).all()
     assert (history.column("power_imbalance")[:touch] == 0).all()
     near = run(BLOCK, tmp_path / "near", "stop.stroke='0.3 mm'")
-    assert forces(outcome)[touch:] == pytest.approx(forces(near), rel=1e-6)
+    assert forces(outcome)[touch:] == pytest.approx(forces(near), rel=2e-3), "the tolerance of the Newton"
 
 
 def test_round_tool_is_met_where_it_first_touches(tmp_path):

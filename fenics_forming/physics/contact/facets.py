@@ -6,6 +6,8 @@ UFL facet integral over the body; so the contact law may be any vectorised funct
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import basix
 import basix.ufl
 import numpy as np
@@ -138,6 +140,20 @@ class ContactFacets:
         """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""
         return total(self._nodes.comm, values.sum(axis=0))
 
+    def points_from(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The facets as seen from their vertices in rising order of ``rows`` (nodes,), whichever way they are stored.
+
+        Returns
+        -------
+        (facets, dim) rows of the vertices, rising; (facets, points per facet) the local number of every point
+        """
+        corners = rows[self.facet_nodes[:, : self.dim]]
+        order = np.argsort(corners, axis=1)
+        hats = self.hats
+        seen = {way: [int(np.argmin(((hats[:, way] - place) ** 2).sum(axis=1))) for place in hats]
+                for way in permutations(range(self.dim))}
+        points = np.array([seen[tuple(way)] for way in order.tolist()], dtype=int).reshape(-1, len(hats))
+        return np.take_along_axis(corners, order, axis=1), points
 
 
 def _tags(mesh, dim: int, facets: np.ndarray):

@@ -129,12 +129,17 @@ class RigidContact:
             tool.traction = np.zeros_like(tool.traction)
         self.silence()
 
-    def resume(self, pressure: dict[str, np.ndarray]) -> None:
-        """Start from nodal pressures (nodes,), MPa, by tool, on the closest points found last: they become multipliers."""
+    def memory(self) -> dict[str, np.ndarray]:
+        """What the next solve starts from, tool by tool, (points, 2 + dim): pressure, grip, friction stress."""
+        return {t.name: np.column_stack([t.state.pressure, t.state.grip, t.state.friction_stress]) for t in self.tools}
+
+    def resume(self, memory: dict[str, np.ndarray], velocity: np.ndarray) -> None:
+        """Take over what :meth:`memory` gave, with the nodal velocities (nodes, dim) of then, on the closest points."""
         for tool in self.tools:
-            local = (pressure[tool.name][self.facets.facet_nodes[:, : self.facets.dim]] @ self.facets.hats.T).ravel()
-            tool.state.pressure, tool.state.active = local, local > 0
-            tool.state.multiplier = local[:, None] * tool.state.normal
+            state, of_tool = tool.state, memory[tool.name]
+            state.pressure, state.grip, state.friction_stress = of_tool[:, 0], of_tool[:, 1], of_tool[:, 2:]
+            state.active = state.pressure > 0
+            state.slip = law.slip_velocity(state, self.facets.trace(velocity))
 
     def silence(self) -> None:
         """No traction: for the stiffness of the body alone."""
@@ -248,10 +253,6 @@ class RigidContact:
     def nodal_pressure(self) -> np.ndarray:
         """Contact pressure at the nodes (nodes,), MPa: hat-weighted mean of the pressure at the points."""
         return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), self.weights)
-
-    def nodal_pressures(self) -> dict[str, np.ndarray]:
-        """The same of every tool by itself."""
-        return {t.name: self.facets.to_nodes(t.state.pressure, self.weights) for t in self.tools}
 
     def powers(self, velocity: np.ndarray) -> dict[str, float]:
         """Power, mW: given by the tools, lost in friction, taken by the penalty and by landing points."""
