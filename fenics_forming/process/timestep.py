@@ -51,7 +51,8 @@ class StepChoice:
 
     def resume(self, fraction: float) -> None:
         """Go on with the share of the nominal step that an earlier run had come to; one that had failed tries anew."""
-        self._fraction, self._reason = fraction if fraction >= self.min_fraction else 1.0, "cut" if self._adaptivity is None else "error"
+        self._fraction = fraction if fraction >= self.min_fraction else 1.0
+        self._reason = "cut" if self._adaptivity is None else "error"
 
     def next(self, time: float, rates: np.ndarray | None = None) -> Limit:
         """The step from ``time`` on; ``rates``, effective strain rates at the nodes, 1/s."""

@@ -102,6 +102,11 @@ stroke = "0.3 mm"
 """
 
 
+def swept(usual, more):
+    """Parameters of a sweep; those in ``more`` run with the long tests."""
+    return [*usual, *(pytest.param(*(v if isinstance(v, tuple) else (v,)), marks=pytest.mark.long) for v in more)]
+
+
 class Listener(Silent):
     """An observer that keeps the notes and the reasons of the steps; interrupts the run after a step if told to."""
 

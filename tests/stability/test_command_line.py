@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from fenics_forming import cli
+
 from .scenes import BILLET, BLOCK, COARSE_BILLET, run, scene_file
 
 HEAVY = ("dolfinx", "petsc4py", "gmsh", "numba", "mpi4py", "pyvista", "ufl", "basix")
@@ -17,6 +19,17 @@ def forming(*words, timeout: float = 60):
     done = subprocess.run([sys.executable, "-m", "fenics_forming", *map(str, words)], capture_output=True, text=True,
                           timeout=timeout)
     return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture
+def here(capsys):
+    """The same without a new process, for what does not depend on it."""
+    def command(*words):
+        capsys.readouterr()
+        code = cli.main([str(word) for word in words])
+        return code, *capsys.readouterr()
+
+    return command
 
 
 def imported(*words) -> set[str]:
@@ -47,24 +60,19 @@ def test_run_prints_a_row_per_step_and_writes_the_folder(tmp_path):
     assert len((tmp_path / "out" / "history.csv").read_text().splitlines()) == 1 + 3
 
 
-def test_quiet_prints_nothing(tmp_path):
+def test_quiet_prints_nothing_and_set_changes_the_scene_that_is_kept(tmp_path):
     path = scene_file(BLOCK, tmp_path)
-    assert forming("run", path, "--out", tmp_path / "out", "--quiet", "--set", "stop.stroke=0.05") == (0, "", "")
+    assert forming("run", path, "--out", tmp_path / "out", "--quiet", "--set", "stop.stroke='0.05 mm'", "--set",
+                   "tools.upper.friction={ law = 'coulomb', coefficient = 0.1 }") == (0, "", "")
+    kept = (tmp_path / "out" / "scene.toml").read_text()
+    assert "coulomb" in kept and "stroke = 0.05" in kept
     assert (tmp_path / "out" / "summary.json").exists()
 
 
-def test_set_changes_the_scene_that_is_kept(tmp_path):
-    path = scene_file(BLOCK, tmp_path)
-    code, _, _ = forming("run", path, "--out", tmp_path / "out", "--quiet", "--set", "stop.stroke='0.05 mm'",
-                         "--set", "tools.upper.friction={ law = 'coulomb', coefficient = 0.1 }")
-    kept = (tmp_path / "out" / "scene.toml").read_text()
-    assert code == 0 and "coulomb" in kept and "stroke = 0.05" in kept
-
-
-def test_warnings_of_the_results_are_printed(tmp_path):
+def test_warnings_of_the_results_are_printed(tmp_path, here):
     path = scene_file(BILLET, tmp_path)
     words = [word for change in (*COARSE_BILLET, "steps.stroke=2") for word in ("--set", change)]
-    code, out, _ = forming("run", path, "--out", tmp_path / "out", *words)
+    code, out, _ = here("run", path, "--out", tmp_path / "out", *words)
     assert code == 0, "a doubt is no failure"
     assert "warning: penalty and landing points take" in out
 
@@ -76,9 +84,9 @@ def test_warnings_of_the_results_are_printed(tmp_path):
     (["--set", "steps.stroke=9"], "steps.stroke"),
     (["--resume"], "there is no checkpoint"),
 ], ids=["key", "name", "unit", "size", "resume"])
-def test_bad_scene_is_one_sentence_and_writes_nothing(words, says, tmp_path):
+def test_bad_scene_is_one_sentence_and_writes_nothing(words, says, tmp_path, here):
     path = scene_file(BLOCK, tmp_path)
-    code, out, err = forming("run", path, "--out", tmp_path / "out", *words)
+    code, out, err = here("run", path, "--out", tmp_path / "out", *words)
     assert code == 2 and out == ""
     assert err.startswith("error: ") and says in err and len(err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
@@ -89,10 +97,10 @@ def test_missing_scene_file_is_one_sentence(tmp_path):
     assert code == 2 and out == "" and "does not exist" in err and len(err.splitlines()) == 1
 
 
-def test_damaged_checkpoint_is_one_sentence(folder, tmp_path):
+def test_damaged_checkpoint_is_one_sentence(tmp_path, here):
     path = scene_file(BLOCK, tmp_path)
     (tmp_path / "checkpoint.npz").write_bytes(b"not a checkpoint")
-    code, out, err = forming("run", path, "--out", tmp_path, "--resume", "--quiet")
+    code, out, err = here("run", path, "--out", tmp_path, "--resume", "--quiet")
     assert code == 2 and "damaged" in err and len(err.splitlines()) == 1
 
 
@@ -104,8 +112,8 @@ def test_check_prints_the_scene_and_runs_nothing(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_check_names_what_is_wrong(tmp_path):
-    code, out, err = forming("check", scene_file(BLOCK, tmp_path), "--set", "geometry='plain_strain'")
+def test_check_names_what_is_wrong(tmp_path, here):
+    code, out, err = here("check", scene_file(BLOCK, tmp_path), "--set", "geometry='plain_strain'")
     assert code == 2 and "plane_strain" in err and len(err.splitlines()) == 1
 
 
@@ -138,16 +146,16 @@ def test_plot_writes_pictures_and_names_them(folder):
             assert file.read(8) == b"\x89PNG\r\n\x1a\n"
 
 
-def test_plot_of_one_field(folder):
-    code, out, _ = forming("plot", folder, "--field", "contact_pressure", "--frame", "0")
+def test_plot_of_one_field(folder, here):
+    code, out, _ = here("plot", folder, "--field", "contact_pressure", "--frame", "0")
     assert code == 0 and out.strip().endswith("contact_pressure.png")
 
 
-def test_plot_of_a_field_that_is_not_there(folder):
-    code, out, err = forming("plot", folder, "--field", "effective_strian")
+def test_plot_of_a_field_that_is_not_there(folder, here):
+    code, out, err = here("plot", folder, "--field", "effective_strian")
     assert code == 2 and "effective_strain" in err and len(err.splitlines()) == 1
 
 
-def test_plot_of_an_empty_folder(tmp_path):
-    code, _, err = forming("plot", tmp_path)
+def test_plot_of_an_empty_folder(tmp_path, here):
+    code, _, err = here("plot", tmp_path)
     assert code == 2 and "holds no results" in err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from fenics_forming import cli
 from fenics_forming.results import Results
 from fenics_forming.simulation import Simulation
 
-from .scenes import BILLET, BLOCK, COARSE_BILLET, CUBE, PUNCHES, Listener, read, run, scene_file
+from .scenes import BILLET, BLOCK, COARSE_BILLET, CUBE, PUNCHES, Listener, read, run, scene_file, swept
 
 ALONE = BLOCK[:BLOCK.index("[tools.lower]")] + BLOCK[BLOCK.index("[steps]"):]     # the lower plate taken away
 
@@ -59,7 +60,7 @@ def test_tool_from_afar_presses_only_when_it_touches_and_touches_exactly(tmp_pat
     assert (history.column("max_effective_strain")[: touch + 1] == 0).all()
     assert (history.column("power_imbalance")[:touch] == 0).all()
     near = run(BLOCK, tmp_path / "near", "stop.stroke='0.3 mm'")
-    assert forces(outcome)[touch:] == pytest.approx(forces(near), rel=2e-3), "the tolerance of the Newton"
+    assert forces(outcome)[touch:] == pytest.approx(forces(near), rel=5e-3), "the tolerance of the Newton, twice"
 
 
 def test_round_tool_is_met_where_it_first_touches(tmp_path):
@@ -172,10 +173,16 @@ def test_interrupt_on_the_command_line_is_130(tmp_path, monkeypatch, capsys):
 
 
 # ---------------------------------------------------------------------- tools that stop, dwell and turn
-@pytest.mark.parametrize("stop", ["stop={ force = '5 kN/mm' }", "stop={ height = '1 mm' }"])
-@pytest.mark.parametrize("steps", ["steps={ stroke = 0.05 }", "steps={ time = 0.05 }"])
-@pytest.mark.parametrize("drive", [table([0, 0.2], [0, 0.2]), table([0, 0.2, 1], [0, 0.2, 0.2]),
-                                   table([0, 0.2, 0.3], [0, 0.2, 0.1])])
+ENDED, RESTING, BACK = table([0, 0.2], [0, 0.2]), table([0, 0.2, 1], [0, 0.2, 0.2]), table([0, 0.2, 0.3], [0, 0.2, 0.1])
+BY_STROKE, BY_TIME = "steps={ stroke = 0.05 }", "steps={ time = 0.05 }"
+AT_FORCE, AT_HEIGHT = "stop={ force = '5 kN/mm' }", "stop={ height = '1 mm' }"
+NEVER = [(ENDED, BY_STROKE, AT_FORCE), (ENDED, BY_TIME, AT_HEIGHT), (RESTING, BY_STROKE, AT_HEIGHT),
+         (BACK, BY_STROKE, AT_FORCE)]
+MORE_NEVER = [case for case in product((ENDED, RESTING, BACK), (BY_STROKE, BY_TIME), (AT_FORCE, AT_HEIGHT))
+              if case not in NEVER]
+
+
+@pytest.mark.parametrize(("drive", "steps", "stop"), swept(NEVER, MORE_NEVER))
 def test_drive_that_ends_before_the_stop_ends_the_run_in_words(drive, steps, stop, tmp_path):
     """It stands still, or goes back: neither an endless loop nor a step of zero."""
     outcome = run(BLOCK, tmp_path, drive, steps, stop)
@@ -192,7 +199,7 @@ def test_force_at_the_end_of_a_table_is_that_of_the_moving_tool(tmp_path):
     assert forces(ended) == pytest.approx(forces(steady), rel=1e-9)
 
 
-@pytest.mark.parametrize("scheme", ["explicit", "etd2", "midpoint", "trapezoid"])
+@pytest.mark.parametrize("scheme", swept(["etd2", "midpoint"], ["explicit", "trapezoid"]))
 def test_withdrawn_tool_feels_nothing_and_the_body_rests(scheme, tmp_path):
     outcome = run(BLOCK, tmp_path, table([0, 0.2, 0.4], [0, 0.2, 0]), "stop={ time = 0.4 }", f"steps.scheme='{scheme}'")
     time, history = outcome.results.history.column("time_s"), outcome.results.history
@@ -205,7 +212,7 @@ def test_withdrawn_tool_feels_nothing_and_the_body_rests(scheme, tmp_path):
     assert outcome.last["stroke_upper_mm"] == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("scheme", ["explicit", "etd2", "midpoint", "trapezoid"])
+@pytest.mark.parametrize("scheme", swept(["etd2", "midpoint"], ["explicit", "trapezoid"]))
 def test_dwell_changes_nothing_but_the_time(scheme, tmp_path):
     """Down 0.2, wait 0.2 s, down 0.2: no step runs across the jumps of the speed, whatever the step."""
     changes = f"steps.scheme='{scheme}'", "steps.stroke=0.03", "stop={ time = 0.6 }", "output.strokes=[0.2]"

@@ -11,7 +11,7 @@ import pytest
 
 from fenics_forming.results import Results
 
-from .scenes import BILLET, BLOCK, COARSE_BILLET, COARSE_RING, CUBE, PUNCHES, RING, run, scene_file
+from .scenes import BILLET, BLOCK, COARSE_BILLET, COARSE_RING, CUBE, PUNCHES, RING, run, scene_file, swept
 
 pytestmark = pytest.mark.mpi
 ROUNDING = 1e-8     # relative to the largest value of a column; sums of another order, of 200 dofs and 10 steps
@@ -46,7 +46,7 @@ def same(one, other, *, but=("wall_s",), within: float = ROUNDING) -> None:
 CASES = {"billet": (BILLET, COARSE_BILLET), "ring": (RING, COARSE_RING), "punches": (PUNCHES, ()), "cube": (CUBE, ())}
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", swept(["billet", "cube"], ["ring", "punches"]))
 def test_two_ranks_find_what_one_finds(case, tmp_path):
     text, changes = CASES[case]
     one = run(text, tmp_path / "one", *changes).results
@@ -55,10 +55,11 @@ def test_two_ranks_find_what_one_finds(case, tmp_path):
     assert two.summary["ranks"] == 2 and len(two.frames) == len(one.frames)
 
 
+@pytest.mark.long
 def test_rank_without_contact_and_without_mirror_plane(tmp_path):
     """A slender block on three ranks: the middle one touches no tool at all, two of them have no fixed velocity."""
-    changes = ("workpieces.block.shape={ kind = 'rectangle', from = [0, 0], to = [1, 6] }", "workpieces.block.symmetry=['x']",
-               "workpieces.block.mesh_size=0.5", "tools.upper.shape.point=[0, 6]", "stop.stroke='0.2 mm'")
+    changes = ("workpieces.block.shape={ kind = 'rectangle', from = [0, 0], to = [1, 6] }",
+               "workpieces.block.symmetry=['x']", "workpieces.block.mesh_size=0.5", "tools.upper.shape.point=[0, 6]", "stop.stroke='0.2 mm'")
     one = run(BLOCK, tmp_path / "one", *changes).results
     three = on_ranks(3, BLOCK, tmp_path / "three", *changes)
     same(one.history, three.history)

@@ -2,7 +2,8 @@
 
 The checkpoint holds all that the next step starts from: positions, strains, velocities, stresses and rates at the
 integration points, pressures and friction stresses at the contact points. So no solve is repeated, and what differs is
-rounding (5e-15 measured; `same` allows 1e-8). Without the contact points, forces differed by 2e-4 (billet) to 4e-3 (block, whose flow is not unique).
+rounding (5e-15 measured; `same` allows 1e-8). Without the contact points, forces differed by 2e-4 (billet) to 4e-3 (the
+block, whose flow is not unique).
 """
 
 from __future__ import annotations
