@@ -35,6 +35,8 @@ class FieldWriter:
 
     def __init__(self, folder: Path | str, comm, *, resume_after: int | None = None):
         self.folder, self.comm = Path(folder), comm
+        import meshio  # noqa: F401  a tenth of a second, before the run and not in its first step
+
         self._frames = on_rank_zero(comm, lambda: self._start(resume_after))
 
     def write(

@@ -31,7 +31,6 @@ class Recorder:
         self.run = simulation
         self.scene, self.comm = simulation.scene, simulation.comm
         self.out = None if out is None else Path(out)
-        self._began, self._cpu = perf_counter(), process_time()
         self.seconds = {"output": 0.0}
         self.row: dict[str, float] = {}
         self.summary: dict = {}
@@ -48,6 +47,7 @@ class Recorder:
             self.history.truncate_after(resume_after)
         else:
             self.history = History(history, self.comm)
+        self._began, self._cpu = perf_counter(), process_time()     # the run itself: writers and their imports stand
 
     def _clear(self) -> None:
         """Make the folder; what another run left in it must not be taken for results of this one."""

@@ -1,4 +1,4 @@
-"""Runs that meet free space, late contact, turning tools, limits and interrupts: each ends in words and leaves results."""
+"""Free space, late contact, turning tools, limits, interrupts: a run ends in words and leaves its results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ ALONE = BLOCK[:BLOCK.index("[tools.lower]")] + BLOCK[BLOCK.index("[steps]"):]   
 
 
 def table(times, displacement) -> str:
-    return f"tools.upper.drive={{ kind = 'table', direction = [0, -1], times = {times}, displacement = {displacement} }}"
+    return (f"tools.upper.drive={{ kind = 'table', direction = [0, -1], times = {times}, "
+            f"displacement = {displacement} }}")
 
 
 def forces(outcome) -> np.ndarray:
@@ -33,7 +34,7 @@ def test_body_pushed_into_free_space_is_told_that_nothing_opposes_it(tmp_path):
     assert outcome.failure is not None
     assert "of the tools only 'upper' touches the body" in str(outcome.failure)
     assert "mirror plane" in outcome.failure.advice
-    assert any("nothing opposes the tool 'upper'" in note for note in outcome.heard.notes), "said before it started, too"
+    assert any("nothing opposes the tool 'upper'" in note for note in outcome.heard.notes), "said at the start, too"
 
 
 def test_failure_in_the_first_solve_leaves_the_body_as_it_was_and_the_reason(tmp_path, capsys):

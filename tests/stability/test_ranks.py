@@ -20,8 +20,8 @@ ROUNDING = 1e-8     # relative to the largest value of a column; sums of another
 def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False, timeout: float = 120) -> Results:
     """Run a scene by ``forming run`` on ``count`` ranks."""
     path = scene_file(text, folder)
-    words = ["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", "run", str(path), "--out", str(folder),
-             "--quiet", *(f"--set={change}" for change in changes), *(["--resume"] if resume else [])]
+    words = ["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", "run", str(path), "--out",
+             str(folder), "--quiet", *(f"--set={change}" for change in changes), *(["--resume"] if resume else [])]
     done = subprocess.run(words, capture_output=True, text=True, timeout=timeout, env=os.environ)
     assert done.returncode == 0, done.stderr[-2000:]
     return Results.read(folder)
@@ -29,8 +29,8 @@ def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False,
 
 def scale(name: str, values: np.ndarray) -> float:
     """What a difference counts against: relative numbers and lengths against one, the rest against their largest."""
-    lengths = name.startswith(("volume_error", "power_imbalance")) or name.endswith(("_x_mm", "_y_mm", "_z_mm", "_r_mm"))
-    return 1.0 if lengths else float(np.abs(values).max()) or 1.0
+    by_one = name.startswith(("volume_error", "power_imbalance")) or name.endswith(("_x_mm", "_y_mm", "_z_mm", "_r_mm"))
+    return 1.0 if by_one else float(np.abs(values).max()) or 1.0
 
 
 def same(one, other, *, but=("wall_s",), within: float = ROUNDING) -> None:
@@ -59,7 +59,8 @@ def test_two_ranks_find_what_one_finds(case, tmp_path):
 def test_rank_without_contact_and_without_mirror_plane(tmp_path):
     """A slender block on three ranks: the middle one touches no tool at all, two of them have no fixed velocity."""
     changes = ("workpieces.block.shape={ kind = 'rectangle', from = [0, 0], to = [1, 6] }",
-               "workpieces.block.symmetry=['x']", "workpieces.block.mesh_size=0.5", "tools.upper.shape.point=[0, 6]", "stop.stroke='0.2 mm'")
+               "workpieces.block.symmetry=['x']", "workpieces.block.mesh_size=0.5", "tools.upper.shape.point=[0, 6]",
+               "stop.stroke='0.2 mm'")
     one = run(BLOCK, tmp_path / "one", *changes).results
     three = on_ranks(3, BLOCK, tmp_path / "three", *changes)
     same(one.history, three.history)

@@ -52,7 +52,7 @@ COARSE_BANDS = dict(force=0.04, radius=0.005, work=0.01)   # measured: 3.2 %, 0.
 
 
 # ---------------------------------------------------------------------- the material
-@pytest.mark.parametrize("m", swept([0, 0.1, 1], [0.02, 0.3, 0.6]))
+@pytest.mark.parametrize("m", swept([0.1, 1], [0, 0.02, 0.3, 0.6]))
 def test_any_rate_sensitivity_runs_to_the_end(m, tmp_path):
     """From perfectly plastic to a Newtonian fluid."""
     law = "{ law = 'constant', value = '700 MPa' }" if m == 0 else f"{{ law = 'norton_hoff', K = 700, m = {m} }}"
@@ -133,8 +133,8 @@ def test_too_small_a_penalty_is_told_by_the_volume(tmp_path):
 
 
 # ---------------------------------------------------------------------- steps
-USUAL = [("explicit", 0.5), ("explicit", 4), ("etd2", 0.5), ("etd2", 4), ("midpoint", 0.25), ("midpoint", 0.5),
-         ("midpoint", 1), ("midpoint", 4), ("trapezoid", 1), ("trapezoid", 4)]
+USUAL = [("explicit", 0.5), ("explicit", 4), ("etd2", 4), ("midpoint", 0.5), ("midpoint", 1), ("midpoint", 4),
+         ("trapezoid", 4)]
 STEPS = [(scheme, step) for scheme in ("explicit", "etd2", "midpoint", "trapezoid")
          for step in (0.05, 0.1, 0.25, 0.5, 1, 2, 4)]
 

@@ -101,8 +101,9 @@ class ContactFacets:
     def trace(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the integration points of a nodal field (nodes[, k]) → (points[, k])."""
         values = nodal[self.facet_nodes]
-        return np.tensordot(values, self._shape, axes=(1, 1)).swapaxes(1, -1).reshape((self.count,) + nodal.shape[1:]) \
-            if nodal.ndim > 1 else (values @ self._shape.T).ravel()
+        if nodal.ndim == 1:
+            return (values @ self._shape.T).ravel()
+        return np.matmul(self._shape, values.reshape(*values.shape[:2], -1)).reshape((self.count, *nodal.shape[1:]))
 
     def weights(self) -> np.ndarray:
         """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""
