@@ -24,7 +24,7 @@ from .physics.tracking import MaterialPoint
 from .physics.workpiece import FixedVelocity, Workpiece, facet_nodes
 from .process.body import FlowingBody
 from .process.integration import SCHEMES, Flow, StepEnd
-from .process.timestep import Adaptivity, StepChoice
+from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .results.progress import Silent
@@ -190,14 +190,15 @@ class Simulation:
         except KeyboardInterrupt:
             why = "interrupted"
             raise
-        except Exception as error:
-            why = f"failed: {error!r}"
+        except Exception as error:               # of several ranks maybe on one only: the others would not come to write
+            why = f"failed: {error!r}" if self.comm.size == 1 else None
             raise
         finally:
-            doubts = recorder.doubts()
-            recorder.finish(state, why, [*self.warnings, *doubts])
-            for doubt in doubts:
-                observer.note(f"warning: {doubt}")
+            if why is not None:
+                doubts = recorder.doubts()
+                recorder.finish(state, why, [*self.warnings, *doubts])
+                for doubt in doubts:
+                    observer.note(f"warning: {doubt}")
         results = recorder.results()
         observer.finished(results)
         return results
@@ -206,7 +207,7 @@ class Simulation:
         strain = np.zeros(self.nodes.count)
         dt = self.choice.next(0.0).dt
         self.body.place(0.0)
-        return State(0, 0.0, strain, self.body.solve(0.0, strain, dt), dt)
+        return State(0, 0.0, strain, self.body.solve(0.0, strain, self.scheme.look_ahead * dt), dt)
 
     def _resumed(self) -> State:
         saved, body, workpiece = self._saved.scalars, self.body, self.body.workpiece
@@ -237,28 +238,10 @@ class Simulation:
             state = self._turned(state)
         wanted, shortened, tries = self.scene.stop.height, None, 0     # a height to stop at is hit by secants
         while True:
-            limit = self.choice.next(state.time, state.flow.rate)
-            dt, reason = limit.dt, limit.reason
-            if body.workpiece.is_cold:           # free travel: stop where the first tool touches
-                body.search(dt)
-                touch = body.time_to_contact(dt)
-                if 1e-9 * dt < touch < dt:
-                    dt, reason = touch, "contact"
-            elif wanted is not None:
-                reached = body.time_to_height(wanted, state.flow.velocity, dt) if shortened is None else shortened
-                if reached < dt:
-                    dt, reason = max(reached, 1e-6 * dt), "target"
-            height = body.height()
-            before, scheme = body.snapshot(), copy.copy(self.scheme)
+            limit, dt, reason = self._length(state, shortened)
+            height, before, scheme = body.height(), body.snapshot(), copy.copy(self.scheme)
             try:
-                end = self.scheme.advance(body, state.flow, state.time, state.strain, dt) \
-                    if not body.workpiece.is_cold else self._travel(state, dt)
-                time = self.choice.end_of(state.time, dt)
-                turns = time in self._turns
-                ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
-                ahead = ahead if 0 < ahead < np.inf else dt
-                body.move_tools(time - 1e-12 * dt if turns else time)
-                flow = body.solve(time, end.strain, self.scheme.look_ahead * ahead)
+                reached, solves, error = self._attempt(state, dt)
             except ConvergenceError as failure:
                 self._go_back(before, scheme, state.time)
                 if not self.choice.failed(state.time, limit.dt):
@@ -273,10 +256,38 @@ class Simulation:
                 tries, shortened = tries + 1, dt * (height - wanted) / (height - body.height())
                 self._go_back(before, scheme, state.time)
                 continue
-            self.choice.succeeded(end.error, body.size)
-            spent = Flow(flow.velocity, flow.rate, flow.iterations + end.iterations)
-            self.solves += 1 + end.solves
-            return State(state.step + 1, time, end.strain, spent, ahead), reason
+            self.choice.succeeded(error, body.size)
+            self.solves += solves
+            return reached, reason
+
+    def _length(self, state: State, shortened: float | None) -> tuple[Limit, float, str]:
+        """What the steps allow, the length of the step, s, and what set it: also first contact and a wanted height."""
+        body, limit = self.body, self.choice.next(state.time, state.flow.rate)
+        dt = limit.dt
+        if body.workpiece.is_cold:               # free travel: stop where the first tool touches
+            body.search(dt)
+            touch = body.time_to_contact(dt)
+            if 1e-9 * dt < touch < dt:
+                return limit, touch, "contact"
+        elif self.scene.stop.height is not None:
+            reached = shortened or body.time_to_height(self.scene.stop.height, state.flow.velocity, dt)
+            if reached < dt:
+                return limit, max(reached, 1e-6 * dt), "target"
+        return limit, dt, limit.reason
+
+    def _attempt(self, state: State, dt: float) -> tuple[State, int, float]:
+        """The state after a step of ``dt``, the solves it took, and its error estimate, mm."""
+        body, scheme = self.body, self.scheme
+        travels = body.workpiece.is_cold
+        end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.strain, dt)
+        time = self.choice.end_of(state.time, dt)
+        turns = time in self._turns
+        ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
+        ahead = ahead if 0 < ahead < np.inf else dt
+        body.move_tools(time - 1e-12 * dt if turns else time)
+        flow = body.solve(time, end.strain, self.scheme.look_ahead * ahead)
+        flow = replace(flow, iterations=flow.iterations + end.iterations)
+        return State(state.step + 1, time, end.strain, flow, ahead), 1 + end.solves, end.error
 
     def _turned(self, state: State) -> State:
         """The state with the flow after the tools have turned; what follows knows nothing of the one before."""
@@ -284,7 +295,8 @@ class Simulation:
         self.body.move_tools(state.time)
         ahead = self.choice.next(state.time, state.flow.rate).dt
         try:
-            flow = self.body.solve(state.time, state.strain, ahead if ahead < np.inf else state.dt)
+            ahead = self.scheme.look_ahead * (ahead if ahead < np.inf else state.dt)
+            flow = self.body.solve(state.time, state.strain, ahead)
         except ConvergenceError:
             self._go_back(before, self.scheme, state.time)
             raise

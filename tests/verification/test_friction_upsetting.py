@@ -42,19 +42,11 @@ def test_the_mean_pressure_of_a_parallel_cylinder_lies_below_the_upper_bound(rat
 
 # ---------------------------------------------------------------------- 3.2 large strain, explicit FE as reference
 @pytest.mark.parametrize(("factor", "forces"), [
-    (0.0, (38.05, 50.63, 60.66)), (0.2, (39.17, 52.80, 63.89)), (1.0, (39.05, 53.51, 67.39))])
+    (0.0, (38.05, 50.63, 60.66)), (0.2, (39.17, 52.80, 63.89)), (0.5, (39.24, 53.32, 65.51)), (1.0, (39.05, 53.51, 67.39))])
 def test_the_force_of_a_cylinder_follows_the_reference_to_half_its_height(factor, forces):
-    results = cylinder(factor)
+    results = cylinder(factor, size=0.7)
     for reduction, reference in zip((0.1744, 0.3795, 0.4821), forces, strict=True):
         assert results.at(stroke=10 * reduction)["force_upper_N"] / 1e3 == pytest.approx(reference, rel=0.02)
-
-
-def test_with_factor_one_half_the_force_follows_to_38_per_cent_and_then_lies_above():
-    """The rim of the perfectly plastic cylinder folds; at 48 % we measure 2 to 4 % more than the one reference mesh."""
-    results = cylinder(0.5)
-    assert results.at(stroke=1.744)["force_upper_N"] / 1e3 == pytest.approx(39.24, rel=0.02)
-    assert results.at(stroke=3.795)["force_upper_N"] / 1e3 == pytest.approx(53.32, rel=0.02)
-    assert results.at(stroke=4.821)["force_upper_N"] / 1e3 == pytest.approx(65.51, rel=0.05)
 
 
 @pytest.mark.parametrize(("factor", "top", "middle"), [(0.0, 14.07, 14.07), (0.2, 13.32, 14.43), (1.0, None, 14.53)])
