@@ -163,7 +163,10 @@ class FlowSolver:
     def _advance(self, task: _Task, rate: np.ndarray, ratio: float, first: bool) -> np.ndarray:
         """Velocity, stress and flow stress after the increment; the regularised rate at the points, 1/s."""
         body = self.workpiece
-        body.update_stress(rate, body.rate_of_increment())
+        start = perf_counter()
+        increment_rate = body.rate_of_increment()       # a compiled kernel over all cells, as the forms are
+        self.seconds["assembly"] += perf_counter() - start
+        body.update_stress(rate, increment_rate)
         body.solution.x.array[:] += body.increment.x.array
         if first:
             # the linear viscous start is found; its stress would be a poor guess, so one Picard step follows

@@ -64,7 +64,9 @@ class Nodes:
     def smallest_jacobian(self) -> float:
         """Smallest determinant of the cell maps at the integration points, mm² or mm³; negative: inverted."""
         x = self.x[self.cells]
-        jacobian = np.einsum("kqa,cad->cqdk", self._gradients, x)
+        points = self._gradients.shape[1]
+        jacobian = np.matmul(self._gradients.reshape(-1, x.shape[1]), x).reshape(len(x), self.dim, points, self.dim)
+        jacobian = np.moveaxis(jacobian, 2, 1)      # cells, points, derivative, component
         if self.dim == 2:
             det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
         else:

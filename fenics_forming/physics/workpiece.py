@@ -101,6 +101,7 @@ class Workpiece:
         self.tau = np.zeros_like(self.strain_rate)
         self.is_cold = True
         self.continuity: RateContinuity | None = None
+        self._hardened_at = self._hardened = None      # flow stress of a law without rate, and the strains it is of
         self.last_rate: tuple[np.ndarray, float] | None = None
 
     # ------------------------------------------------------------------ forms
@@ -277,7 +278,10 @@ class Workpiece:
 
     def set_flow_stress(self, strain, rate, temperature) -> None:
         """Flow stress and its rate sensitivity at the integration points."""
-        sigma = np.broadcast_to(self.law(strain, rate, temperature), rate.shape)
+        if self.law.depends_on_rate or strain is not self._hardened_at:
+            self._hardened = np.broadcast_to(self.law(strain, rate, temperature), rate.shape)
+            self._hardened_at = strain
+        sigma = self._hardened
         c = np.ones_like(rate)
         if self.law.depends_on_rate:
             c -= rate * self.law.rate_derivative(strain, rate, temperature) / sigma
