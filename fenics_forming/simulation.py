@@ -256,7 +256,7 @@ class Simulation:
                 tries, shortened = tries + 1, dt * (height - wanted) / (height - body.height())
                 self._go_back(before, scheme, state.time)
                 continue
-            self.choice.succeeded(error, body.size)
+            self.choice.succeeded(error, body.size, body.landing_share())
             self.solves += solves
             return reached, reason
 

@@ -194,6 +194,13 @@ class FlowingBody:
             return powers | {"tools": 0.0, "friction": 0.0, "penalty": 0.0}
         return powers | self.contact.powers(w.velocity)
 
+    def landing_share(self) -> float:
+        """Power taken by landing points and by the penalty, relative to that of the tools; 0 at rest."""
+        if self.contact is None or self.workpiece.is_cold:
+            return 0.0
+        powers = self.contact.powers(self.workpiece.velocity)
+        return abs(powers["penalty"]) / powers["tools"] if powers["tools"] > 0 else 0.0
+
     def velocity_gradient(self) -> np.ndarray:
         return self.workpiece.nodal_velocity_gradient()
 

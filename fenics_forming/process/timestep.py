@@ -13,10 +13,13 @@ class Adaptivity:
 
     max_strain_increment : of the effective strain in a step, at the 98th percentile of the nodes
     tolerance : position error of a step relative to the size of the body
+    landing : power that landing points take from the tools, relative; they press from the start of the step in which
+        they land, so the force is too large by about this much
     """
 
     max_strain_increment: float = 0.05
     tolerance: float = 1e-3
+    landing: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -85,11 +88,17 @@ class StepChoice:
         self._reason = "cut"
         return self._fraction >= self.min_fraction
 
-    def succeeded(self, error: float, size: float) -> None:
-        """Let the step grow again; with adaptivity, by the error estimate (mm) of a first-order predictor."""
-        if self._adaptivity is not None and np.isfinite(error) and error > 0:
-            factor = 0.9 * np.sqrt(self._adaptivity.tolerance * size / error)
-            self._fraction = float(np.clip(self._fraction * np.clip(factor, 0.3, 1.5), self.min_fraction, 1.0))
-            self._reason = "error"
+    def succeeded(self, error: float, size: float, landing: float = 0.0) -> None:
+        """Let the step grow again; with adaptivity, by the error estimate (mm) of a first-order predictor and by the
+        share of the power that landing points took, which grows with the step."""
+        limits, factors = self._adaptivity, {}
+        if limits is not None and np.isfinite(error) and error > 0:
+            factors["error"] = 0.9 * np.sqrt(limits.tolerance * size / error)
+        if limits is not None and landing > 0:
+            factors["contact"] = 0.9 * limits.landing / landing
+        if factors:
+            self._reason = min(factors, key=factors.get)
+            factor = np.clip(factors[self._reason], 0.3, 1.5)
+            self._fraction = float(np.clip(self._fraction * factor, self.min_fraction, 1.0))
         else:
             self._fraction = min(1.0, 2.0 * self._fraction)

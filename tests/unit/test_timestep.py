@@ -199,3 +199,13 @@ def test_run_that_fails_however_short_the_step_says_so(monkeypatch):
     fail_when(monkeypatch, lambda time, number: time > 0.6)
     with pytest.raises(ConvergenceError, match="step .* fails however short it is: no convergence"):
         simulate(upsetting())
+
+
+def test_landing_points_shorten_the_next_step_in_proportion_to_the_power_they_take():
+    choice = StepChoice(lambda t: 1.0, adaptivity=Adaptivity(landing=0.01))
+    choice.succeeded(np.inf, 10.0, landing=0.02)
+    shorter = choice.next(0.0)
+    assert shorter.dt == pytest.approx(0.45) and shorter.reason == "contact"      # 0.9 · 0.01 / 0.02
+    equal = StepChoice(lambda t: 1.0)
+    equal.succeeded(np.inf, 10.0, landing=0.5)
+    assert equal.next(0.0).dt == 1.0                                              # equal steps stay equal
