@@ -136,7 +136,7 @@ class Workpiece:
         self._volume = fem.form(weight * dx)
         self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
         self._force_power = fem.form(-body_force_power(f, v, weight, dx)) if body_force is not None else None
-        self._nodal_area = fem.form(sum(w[i] for i in range(1)) * weight * self.contact.facets.measure) \
+        self._nodal_area = fem.form(w[0] * weight * self.contact.facets.measure) \
             if self.contact is not None else None
         u = ufl.split(self.increment)[0]
         self._rate_of_increment = fem.Expression(D(u), points)
