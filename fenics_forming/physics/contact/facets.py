@@ -19,7 +19,7 @@ from ..kinematics import Kinematics
 from ..nodes import Nodes
 from ..parallel import total
 
-DEGREE = {2: 6, 3: 4}   # 4 points per side, 6 per triangle: more than the bulk needs, so that contact between unlike surfaces is even
+DEGREE = {2: 6, 3: 4}   # 4 points per side, 6 per triangle: more than the bulk needs
 TAG = 1
 
 
