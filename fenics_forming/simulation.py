@@ -14,6 +14,7 @@ from .errors import ConvergenceError, MeshError
 from .physics.bodies import body_mesh
 from .physics.contact.facets import ContactFacets
 from .physics.contact.rigid import RigidContact
+from .physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .physics.kinematics import KINDS
 from .physics.meshing import boundary_facets, exterior_facets
 from .physics.nodes import Nodes
@@ -26,7 +27,6 @@ from .process.body import FlowingBody
 from .process.integration import SCHEMES, Flow, StepEnd
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
-from .results.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results

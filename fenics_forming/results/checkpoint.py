@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .files import ResultsError, on_rank_zero, whole_file
-from .gather import (
+from ..physics.gather import (
     gather_cell_values,
     gather_cells,
     gather_facets,
@@ -18,6 +17,7 @@ from .gather import (
     scatter_cell_values,
     scatter_nodal,
 )
+from .files import ResultsError, on_rank_zero, whole_file
 
 if TYPE_CHECKING:  # results are read without dolfinx
     from ..physics.contact.facets import ContactFacets

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..physics.gather import gather_cell_values, gather_cells, gather_nodal
 from .files import ResultsError, on_rank_zero, whole_file
-from .gather import gather_cell_values, gather_cells, gather_nodal
 
 if TYPE_CHECKING:  # results are read without dolfinx
     from ..physics.nodes import Nodes

@@ -10,6 +10,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from fenics_forming.physics.gather import (
+    gather_cell_values,
+    gather_cells,
+    gather_nodal,
+    scatter_cell_values,
+    scatter_nodal,
+)
 from fenics_forming.physics.meshing import box, rectangle
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.results import (
@@ -26,13 +33,6 @@ from fenics_forming.results import (
     read_frames,
     save_checkpoint,
     write_summary,
-)
-from fenics_forming.results.gather import (
-    gather_cell_values,
-    gather_cells,
-    gather_nodal,
-    scatter_cell_values,
-    scatter_nodal,
 )
 from fenics_forming.results.outlines import flipped, tool_outlines
 from fenics_forming.results.skin import Skin

@@ -11,9 +11,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-if TYPE_CHECKING:  # results are read without dolfinx
-    from ..physics.contact.facets import ContactFacets
-    from ..physics.nodes import Nodes
+if TYPE_CHECKING:  # results are read without dolfinx, through this module
+    from .contact.facets import ContactFacets
+    from .nodes import Nodes
 
 
 class Numbering:
