@@ -10,21 +10,14 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from .errors import ConvergenceError, MeshError
+from .errors import ConvergenceError
 from .physics.bodies import body_mesh
-from .physics.contact.facets import ContactFacets
-from .physics.contact.rigid import RigidContact
 from .physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
-from .physics.kinematics import KINDS
-from .physics.meshing import boundary_facets, exterior_facets
 from .physics.nodes import Nodes
-from .physics.parallel import total
-from .physics.settings import NewtonSettings
 from .physics.tools import known_tools
 from .physics.tracking import MaterialPoint
-from .physics.workpiece import FixedVelocity, Workpiece, facet_nodes
-from .process.body import FlowingBody
 from .process.integration import SCHEMES, Flow, StepEnd
+from .process.placing import flowing_body, mirror_planes
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.progress import Silent
@@ -63,58 +56,27 @@ class Simulation:
         start = perf_counter()
         self.scene, self.comm = scene, comm
         self.warnings = check(scene)
-        self.kinematics = KINDS[scene.geometry]
         tools = known_tools(scene)
         self._saved = load_checkpoint(resume) if resume is not None else None
         if self._saved is None:
             mesh, self.mesh_size = body_mesh(scene, tools, comm)
         else:
             mesh, self.mesh_size = self._saved.mesh(comm), self._saved.scalars["mesh_size"]
-        self.nodes = Nodes(mesh)
-        self.mirrors = self._mirror_planes()
-        fixed, candidates = self._boundary()
-        settings = NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
-        contact = RigidContact(ContactFacets(self.nodes, self.kinematics, candidates), tools,
-                               slip_regularisation=settings.slip_regularisation)
-        workpiece = Workpiece(self.nodes, kinematics=self.kinematics, contact=contact, fixed=fixed, settings=settings,
-                              flow_stress=scene.materials[scene.workpiece.material].flow_stress)
-        self.body = FlowingBody(workpiece, boundary=facet_nodes(self.nodes, candidates), height_axis=self._height_axis(),
-                                drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
-                                temperature=scene.workpiece.temperature)
+        self.mirrors = mirror_planes(scene, mesh) if self._saved is None else \
+            {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
+        self.body = flowing_body(scene, mesh, tools, self.mirrors)
         self.scheme = SCHEMES[scene.scheme]()
         self.points = self._tracked()
-        self.start_volume = workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
+        self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
 
+    @property
+    def nodes(self) -> Nodes:
+        """The nodes of the body's present mesh."""
+        return self.body.nodes
+
     # ------------------------------------------------------------------ building
-    def _mirror_planes(self) -> dict[int, float]:
-        """Axis → coordinate of the mirror planes and, in axisymmetry, the axis."""
-        if self._saved is not None:
-            return {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
-        low, high = self.nodes.extents()
-        planes = {self.scene.axes.index(a): float(low[self.scene.axes.index(a)]) for a in self.scene.workpiece.symmetry}
-        if self.scene.geometry == "axisymmetric" and low[0] <= 1e-9 * (high - low).max():
-            planes[0] = 0.0
-        return planes
-
-    def _boundary(self):
-        mesh = self.nodes.mesh
-        size = float(np.ptp(self.nodes.extents(), axis=0).max())
-        on_plane = [(axis, boundary_facets(mesh, lambda x, a=axis, v=value: np.abs(x[a] - v) < 1e-8 * size))
-                    for axis, value in self.mirrors.items()]
-        for axis, facets in on_plane:
-            if total(self.comm, len(facets)) == 0:
-                raise MeshError(f"the body has no flat low face on the axis {self.scene.axes[axis]}, which is to be its "
-                                "mirror plane")
-        taken = np.concatenate([f for _, f in on_plane]) if on_plane else np.empty(0, np.int32)
-        return [FixedVelocity(f, axis) for axis, f in on_plane], np.setdiff1d(exterior_facets(mesh), taken)
-
-    def _height_axis(self) -> int:
-        tool = self.scene.counting_tool
-        direction = self.scene.tools[tool].drive.direction if tool is not None else None
-        return int(np.argmax(np.abs(direction))) if direction is not None else self.nodes.dim - 1
-
     def _tracked(self) -> dict[str, MaterialPoint]:
         if self._saved is None:
             return {name: MaterialPoint(self.nodes, p.at) for name, p in self.scene.points.items()}

@@ -1,0 +1,60 @@
+"""A body on a mesh: its mirror planes, the facets that tools may touch, and the forms and solver of just what is named."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx.mesh import Mesh
+
+from ..errors import MeshError
+from ..physics.contact.facets import ContactFacets
+from ..physics.contact.rigid import KnownTool, RigidContact
+from ..physics.kinematics import KINDS
+from ..physics.meshing import boundary_facets, exterior_facets
+from ..physics.nodes import Nodes
+from ..physics.parallel import total
+from ..physics.settings import NewtonSettings
+from ..physics.workpiece import FixedVelocity, Workpiece, facet_nodes
+from ..scene import Scene
+from .body import FlowingBody
+
+
+def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict[int, float]) -> FlowingBody:
+    """The workpiece of the scene on ``mesh``, between ``tools``, held on its mirror planes."""
+    nodes, kinematics = Nodes(mesh), KINDS[scene.geometry]
+    fixed, candidates = _boundary(nodes, mirrors, scene.axes)
+    settings = NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
+    contact = RigidContact(ContactFacets(nodes, kinematics, candidates), tools,
+                           slip_regularisation=settings.slip_regularisation)
+    workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
+                          flow_stress=scene.materials[scene.workpiece.material].flow_stress)
+    return FlowingBody(workpiece, boundary=facet_nodes(nodes, candidates), height_axis=_height_axis(scene),
+                       drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
+                       temperature=scene.workpiece.temperature)
+
+
+def mirror_planes(scene: Scene, mesh: Mesh) -> dict[int, float]:
+    """Axis → coordinate of the mirror planes and, in axisymmetry, the axis; of the body as it is at the start."""
+    low, high = Nodes(mesh).extents()
+    planes = {scene.axes.index(a): float(low[scene.axes.index(a)]) for a in scene.workpiece.symmetry}
+    if scene.geometry == "axisymmetric" and low[0] <= 1e-9 * (high - low).max():
+        planes[0] = 0.0
+    return planes
+
+
+def _boundary(nodes: Nodes, mirrors: dict[int, float], axes) -> tuple[list[FixedVelocity], np.ndarray]:
+    """Conditions on the mirror planes, and the facets that are left for tools to touch."""
+    size = float(np.ptp(nodes.extents(), axis=0).max())
+    on_plane = [(axis, boundary_facets(nodes.mesh, lambda x, a=axis, v=value: np.abs(x[a] - v) < 1e-8 * size))
+                for axis, value in mirrors.items()]
+    for axis, facets in on_plane:
+        if total(nodes.comm, len(facets)) == 0:
+            raise MeshError(f"the body has no flat low face on the axis {axes[axis]}, which is to be its mirror plane")
+    taken = np.concatenate([f for _, f in on_plane]) if on_plane else np.empty(0, np.int32)
+    return [FixedVelocity(f, axis) for axis, f in on_plane], np.setdiff1d(exterior_facets(nodes.mesh), taken)
+
+
+def _height_axis(scene: Scene) -> int:
+    """The axis along which the tool that counts works."""
+    tool = scene.counting_tool
+    direction = scene.tools[tool].drive.direction if tool is not None else None
+    return int(np.argmax(np.abs(direction))) if direction is not None else scene.dimension - 1
