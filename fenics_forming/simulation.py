@@ -28,11 +28,11 @@ from .scene import Scene, check
 
 @dataclass
 class State:
-    """Where a run is: step, time s, strain at the nodes, the flow, and the step length that contact looked ahead."""
+    """Where a run is: step, time s, history of the nodes, the flow, and the step length that contact looked ahead."""
 
     step: int
     time: float
-    strain: np.ndarray
+    history: dict[str, np.ndarray]
     flow: Flow
     dt: float
 
@@ -134,7 +134,7 @@ class Simulation:
         state, why = None, "failed"
         try:
             if self._saved is None:
-                state = State(0, 0.0, np.zeros(self.nodes.count), self.body.rest(), 0.0)
+                state = State(0, 0.0, self.body.new_history(), self.body.rest(), 0.0)
                 state = self._first()
             else:
                 state = self._resumed()
@@ -166,10 +166,10 @@ class Simulation:
         return results
 
     def _first(self) -> State:
-        strain = np.zeros(self.nodes.count)
+        history = self.body.new_history()
         dt = self.choice.next(0.0).dt
         self.body.place(0.0)
-        return State(0, 0.0, strain, self.body.solve(0.0, strain, self.scheme.look_ahead * dt), dt)
+        return State(0, 0.0, history, self.body.solve(0.0, history, self.scheme.look_ahead * dt), dt)
 
     def _resumed(self) -> State:
         saved, body, workpiece = self._saved.scalars, self.body, self.body.workpiece
@@ -181,6 +181,7 @@ class Simulation:
         body.speed, body.contact.reference = saved["speed"], saved["penalty"]
         body.move_tools(saved["time"])
         body.size, body.reach = saved["size"], saved["reach"]
+        history = {name: local[f"history.{name}"] for name in body.new_history()}
         body.search(saved["dt"])
         if saved["at_rest"]:
             flow = body.rest()
@@ -190,8 +191,8 @@ class Simulation:
             workpiece.set_start(local["velocity"], local["mean_stress"])
             workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
             body.contact.resume(scatter_facets(self.nodes, body.contact.facets, self._saved.facetwise), local["velocity"])
-            flow = Flow(workpiece.velocity, workpiece.nodal_rate(), 0)
-        return State(saved["step"], saved["time"], local["strain"], flow, saved["dt"])
+            flow = Flow(workpiece.velocity, body.rates(history), 0)
+        return State(saved["step"], saved["time"], history, flow, saved["dt"])
 
     def _advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
@@ -241,15 +242,15 @@ class Simulation:
         """The state after a step of ``dt``, the solves it took, and its error estimate, mm."""
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
-        end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.strain, dt)
+        end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.history, dt)
         time = self.choice.end_of(state.time, dt)
         turns = time in self._turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
         body.move_tools(time - 1e-12 * dt if turns else time)
-        flow = body.solve(time, end.strain, self.scheme.look_ahead * ahead)
+        flow = body.solve(time, end.history, self.scheme.look_ahead * ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
-        return State(state.step + 1, time, end.strain, flow, ahead), 1 + end.solves, end.error
+        return State(state.step + 1, time, end.history, flow, ahead), 1 + end.solves, end.error
 
     def _turned(self, state: State) -> State:
         """The state with the flow after the tools have turned; what follows knows nothing of the one before."""
@@ -258,7 +259,7 @@ class Simulation:
         ahead = self.choice.next(state.time, state.flow.rate).dt
         try:
             ahead = self.scheme.look_ahead * (ahead if ahead < np.inf else state.dt)
-            flow = self.body.solve(state.time, state.strain, ahead)
+            flow = self.body.solve(state.time, state.history, ahead)
         except ConvergenceError:
             self._go_back(before, self.scheme, state.time)
             raise
@@ -270,7 +271,7 @@ class Simulation:
         """The tools move on, the body rests; what follows knows nothing of the flow before."""
         self.scheme = SCHEMES[self.scene.scheme]()
         self.body.place(state.time + dt)
-        return StepEnd(state.strain, 0, 0, None, 0.0)
+        return StepEnd(state.history, 0, 0, None, 0.0)
 
     def _go_back(self, before: tuple, scheme, time: float) -> None:
         self.body.restore(before)
@@ -309,7 +310,8 @@ class Simulation:
             "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers},
-            nodal={"strain": state.strain, "velocity": w.velocity, "mean_stress": w.mean_stress,
+            nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
+                   **{f"history.{name}": values for name, values in state.history.items()},
                    **{f"scheme.{name}": values for name, values in remembered.items()}},
             cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
             facetwise=contact.memory(), facets=contact.facets)

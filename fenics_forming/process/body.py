@@ -132,7 +132,7 @@ class FlowingBody:
             time *= (now - wanted) / (now - then)
         return time
 
-    def solve(self, time: float, strain: np.ndarray, dt: float, step: float | None = None) -> Flow:
+    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, step: float | None = None) -> Flow:
         """Flow at ``time`` on the present geometry, rest where nothing pushes the body.
 
         Contact looks ahead by ``dt``, the rates are tied over ``step``.
@@ -151,11 +151,19 @@ class FlowingBody:
         characteristic_rate = self.speed / self.height()
         tied = max(TIE * (step or dt), LEAST_TIE / characteristic_rate)
         try:
-            found = self.solver.solve(strain=strain, characteristic_rate=characteristic_rate, step=tied,
-                                      temperature=self._temperature, touching=1e-6 * self.size)
+            found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
+                                      step=tied, temperature=self._temperature, touching=1e-6 * self.size)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
-        return Flow(self.workpiece.velocity, self.workpiece.nodal_rate(), found.iterations)
+        return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
+
+    def new_history(self) -> dict[str, np.ndarray]:
+        """What gathers in the material, by name and node: nothing yet."""
+        return {"effective_strain": np.zeros(self.nodes.count)}
+
+    def rates(self, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Rates of the history in the present flow, by name and node, 1/s."""
+        return {"effective_strain": self.workpiece.nodal_rate()}
 
     def _explained(self, failure: ConvergenceError) -> ConvergenceError:
         """The failure, and its likely reason where one tool alone touches the body and nothing is on its far side."""
@@ -179,7 +187,7 @@ class FlowingBody:
         body.is_cold = True
         if self.contact is not None:
             self.contact.release()
-        return Flow(np.zeros_like(self.x), np.zeros(self.nodes.count), 0)
+        return Flow(np.zeros_like(self.x), self.new_history(), 0)
 
     @property
     def temperature(self) -> np.ndarray | None:

@@ -1,7 +1,8 @@
 """Time schemes: how one step takes the body from one time to the next.
 
-Each scheme gets the flow at the start of the step already solved and leaves positions and strain at its end.
-``solve(time, strain, dt)`` places the tools, puts sunken nodes back, and solves the flow on the present geometry;
+Each scheme gets the flow at the start of the step already solved and leaves positions and history at its end: what has
+gathered in the material points, by name and node, "effective_strain" always.
+``solve(time, history, dt)`` places the tools, puts sunken nodes back, and solves the flow on the present geometry;
 dt is what the contact looks ahead, step (dt, if not given) the step to which the solve belongs.
 """
 
@@ -17,19 +18,24 @@ from . import shifting
 
 @dataclass(frozen=True)
 class Flow:
-    """The flow at one instant, by nodes: velocity (n, d) mm/s, effective strain rate (n,) 1/s, iterations spent."""
+    """The flow at one instant, by nodes: velocity (n, d) mm/s, rates of the history (n,) 1/s, iterations spent."""
 
     velocity: np.ndarray
-    rate: np.ndarray
+    rates: dict[str, np.ndarray]
     iterations: int
+
+    @property
+    def rate(self) -> np.ndarray:
+        """Effective strain rate (n,), 1/s."""
+        return self.rates["effective_strain"]
 
 
 @dataclass(frozen=True)
 class StepEnd:
-    """What a scheme leaves: strain (n,), the iterations and solves it spent, the flow at the end where it has one,
+    """What a scheme leaves: history, the iterations and solves it spent, the flow at the end where it has one,
     and an estimate of the position error of the step, mm."""
 
-    strain: np.ndarray
+    history: dict[str, np.ndarray]
     iterations: int
     solves: int
     flow: Flow | None
@@ -41,11 +47,17 @@ class Body(Protocol):
 
     x: np.ndarray
 
-    def solve(self, time: float, strain: np.ndarray, dt: float, step: float | None = None) -> Flow: ...
+    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, step: float | None = None) -> Flow: ...
 
     def place(self, time: float) -> None: ...
 
     def velocity_gradient(self) -> np.ndarray: ...
+
+
+def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """History plus the weighted rates, ``parts`` of (weight in s, rates); what gathers never becomes less."""
+    return {name: value + np.maximum(sum(weight * rates[name] for weight, rates in parts), 0.0)
+            for name, value in history.items()}
 
 
 class Scheme:
@@ -65,10 +77,10 @@ class Explicit(Scheme):
     name = "explicit"
     look_ahead = 1.0    # of the step, by the contact of the solve at its start
 
-    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+    def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         body.x[:] = shifting.explicit(body.x, start.velocity, dt)
         body.place(time + dt)
-        return StepEnd(strain + dt * start.rate, 0, 0, None, np.inf)
+        return StepEnd(advanced(history, (dt, start.rates)), 0, 0, None, np.inf)
 
 
 class Etd2(Scheme):
@@ -79,30 +91,30 @@ class Etd2(Scheme):
 
     def __init__(self):
         self._memory: shifting.FlowMemory | None = None
-        self._rate: tuple[np.ndarray, float] | None = None
+        self._rates: dict[str, np.ndarray] = {}
 
     def memory(self):
         last = self._memory
         if last is None:
             return {}, {}
         return {"dt": last.dt}, {"velocity": last.velocity, "gradient": last.gradient, "positions": last.positions,
-                                 "rate": self._rate[0]}
+                                 **{f"rate.{name}": rate for name, rate in self._rates.items()}}
 
     def remember(self, numbers, nodal):
         if nodal:
             self._memory = shifting.FlowMemory(nodal["velocity"], nodal["gradient"], nodal["positions"], numbers["dt"])
-            self._rate = (nodal["rate"], numbers["dt"])
+            self._rates = {name.removeprefix("rate."): rate for name, rate in nodal.items() if name.startswith("rate.")}
 
-    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+    def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x, gradient = body.x.copy(), body.velocity_gradient()
         body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, self._memory)
-        self._memory = shifting.FlowMemory(start.velocity, gradient, x, dt)
-        increment = dt * start.rate
-        if self._rate is not None:   # the rates of the same material points: Adams-Bashforth
-            increment += 0.5 * dt**2 * (start.rate - self._rate[0]) / self._rate[1]
-        self._rate = (start.rate, dt)
+        parts = [(dt, start.rates)]
+        if self._memory is not None:   # the rates of the same material points: Adams-Bashforth
+            change = 0.5 * dt**2 / self._memory.dt
+            parts = [(dt + change, start.rates), (-change, self._rates)]
+        self._memory, self._rates = shifting.FlowMemory(start.velocity, gradient, x, dt), start.rates
         body.place(time + dt)
-        return StepEnd(strain + np.maximum(increment, 0.0), 0, 0, None, np.inf)
+        return StepEnd(advanced(history, *parts), 0, 0, None, np.inf)
 
 
 class Midpoint(Scheme):
@@ -117,15 +129,15 @@ class Midpoint(Scheme):
     name = "midpoint"
     look_ahead = 0.8
 
-    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+    def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0 = body.x.copy()
         body.x[:] = shifting.explicit(x0, start.velocity, dt / 2)
         body.place(time + dt / 2)
-        middle = body.solve(time + dt / 2, strain + dt / 2 * start.rate, dt / 2, step=dt)
+        middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt / 2, step=dt)
         body.x[:] = shifting.explicit(x0, middle.velocity, dt)
         body.place(time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())
-        return StepEnd(strain + dt * middle.rate, middle.iterations, 1, None, error)
+        return StepEnd(advanced(history, (dt, middle.rates)), middle.iterations, 1, None, error)
 
 
 class Trapezoid(Scheme):
@@ -137,7 +149,7 @@ class Trapezoid(Scheme):
     def __init__(self, passes: int = 8, tolerance: float = 1e-5):
         self.passes, self.tolerance = passes, tolerance
 
-    def advance(self, body: Body, start: Flow, time: float, strain: np.ndarray, dt: float) -> StepEnd:
+    def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0 = body.x.copy()
         size = np.ptp(x0, axis=0).max()
         end, spent, solves, error = start, 0, 0, np.inf
@@ -145,7 +157,7 @@ class Trapezoid(Scheme):
         for k in range(self.passes):
             body.x[:] = target
             body.place(time + (1 - 1e-12) * dt)    # where the tools turn at the end of the step: not yet turned
-            end = body.solve(time + dt, strain + dt / 2 * (start.rate + end.rate), dt)
+            end = body.solve(time + dt, advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), dt)
             spent, solves = spent + end.iterations, solves + 1
             corrected = shifting.explicit(x0, 0.5 * (start.velocity + end.velocity), dt)
             change = float(np.abs(corrected - target).max())
@@ -155,7 +167,7 @@ class Trapezoid(Scheme):
                 break
         body.x[:] = target
         body.place(time + dt)
-        return StepEnd(strain + dt / 2 * (start.rate + end.rate), spent, solves, None, error)
+        return StepEnd(advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), spent, solves, None, error)
 
 
 SCHEMES = {scheme.name: scheme for scheme in (Explicit, Etd2, Midpoint, Trapezoid)}

@@ -97,13 +97,13 @@ class Recorder:
         row[f"volume_{name}_mm3"] = volume * copies
         row[f"volume_error_{name}"] = self.volume.error(volume)
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
-        row["max_effective_strain"] = self._maximum(state.strain)
+        row["max_effective_strain"] = self._maximum(state.history["effective_strain"])
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
         for label, point in run.points.items():
             for axis, value in zip(scene.axes, point.value(run.nodes.x), strict=True):
                 row[f"{label}_{axis}_mm"] = float(value)
-            row[f"{label}_effective_strain"] = float(point.value(state.strain))
+            row[f"{label}_effective_strain"] = float(point.value(state.history["effective_strain"]))
             row[f"{label}_mean_stress_MPa"] = float(point.value(body.workpiece.mean_stress))
             if scene.workpiece.temperature is not None:
                 row[f"{label}_temperature_degC"] = scene.workpiece.temperature
@@ -146,9 +146,10 @@ class Recorder:
         run, w = self.run, self.run.body.workpiece
         rate = np.maximum(state.flow.rate, float(w.rate0.value))
         temperature = run.body.temperature
-        data = {"velocity_mm_per_s": w.velocity, "effective_strain": state.strain,
+        strain = state.history["effective_strain"]
+        data = {"velocity_mm_per_s": w.velocity, "effective_strain": strain,
                 "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
-                "flow_stress_MPa": np.broadcast_to(w.law(state.strain, rate, temperature), state.strain.shape),
+                "flow_stress_MPa": np.broadcast_to(w.law(strain, rate, temperature), strain.shape),
                 "contact_pressure_MPa": run.body.contact.nodal_pressure()}
         if temperature is not None:
             data["temperature_degC"] = temperature
