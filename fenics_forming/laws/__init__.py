@@ -1,5 +1,6 @@
 """Formulas and their parameters: flow stress, friction, equipment. No mesh, no MPI; units of `units.py`."""
 
+from .damage import CockcroftLatham, Damage, DamageLaw
 from .described import Described, one_of
 from .equipment import Drive, DriveLaw, RotationDrive, SpeedDrive, Spin, TableDrive
 from .flow_stress import (
@@ -41,8 +42,11 @@ __all__ = [
     "RATE_FLOOR",
     "SHEAR",
     "STRAIN_FLOOR",
+    "CockcroftLatham",
     "Constant",
     "Coulomb",
+    "Damage",
+    "DamageLaw",
     "Described",
     "Drive",
     "DriveLaw",

@@ -71,6 +71,10 @@ class Described(BaseModel, metaclass=_InTheUsersWords):
         values = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**values | changes)
 
+    def says(self, name):
+        """Whether the user wrote the key, be it with its default."""
+        return name in self.model_fields_set
+
     def as_table(self):
         """Nested dicts, lists and numbers in internal units, without the keys that keep their default."""
         table = {}
@@ -204,8 +208,14 @@ def _key(location, values):
         was_tag = False
         if step != "[key]":
             words.append(str(step))
-        here = here[step] if isinstance(here, dict) and step in here else None
+        here = _inside(here, step)
     return ".".join(words)
+
+
+def _inside(here, step):
+    if isinstance(here, dict):
+        return here.get(step)
+    return here[step] if isinstance(here, (list, tuple)) and isinstance(step, int) and step < len(here) else None
 
 
 def _expected(field):

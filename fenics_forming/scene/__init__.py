@@ -1,22 +1,9 @@
 """What the user writes: frozen, comparable, printable, the same from Python and from TOML. Knows no mesh."""
 
 from .checks import check
-from .description import (
-    AXES,
-    SCHEMES,
-    Adaptive,
-    Material,
-    Output,
-    Process,
-    Remesh,
-    Scene,
-    Solver,
-    Steps,
-    Stop,
-    Tool,
-    TrackedPoint,
-    Workpiece,
-)
+from .description import AXES, FlowLine, Material, Output, Scene, Solver, Tool, TrackedPoint, Workpiece
+from .meshes import BoxDomain, CylinderDomain, NearSurface, NearTool, Remesh, SphereDomain
+from .process import SCHEMES, Adaptive, Process, Shifting, Steps, Stop
 from .scene_file import read_scene, write_scene
 from .shapes import BodyFile, Box, Circle, Cylinder, Polygon, Rectangle, Shape
 from .tool_shapes import CircleTool, CylinderTool, Plane, Polyline, SphereTool, Stl
@@ -27,11 +14,16 @@ __all__ = [
     "Adaptive",
     "BodyFile",
     "Box",
+    "BoxDomain",
     "Circle",
     "CircleTool",
     "Cylinder",
+    "CylinderDomain",
     "CylinderTool",
+    "FlowLine",
     "Material",
+    "NearSurface",
+    "NearTool",
     "Output",
     "Plane",
     "Polygon",
@@ -41,7 +33,9 @@ __all__ = [
     "Remesh",
     "Scene",
     "Shape",
+    "Shifting",
     "Solver",
+    "SphereDomain",
     "SphereTool",
     "Steps",
     "Stl",

@@ -4,6 +4,7 @@ import math
 
 from ..errors import SceneError
 from ..laws.described import unknown_word
+from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 
 _HEAT = ("conductivity", "specific_heat", "plastic_heat_fraction")
@@ -23,10 +24,11 @@ def check(scene):
     """
     problems = [*_name_problems(scene), *_dimension_problems(scene), *_file_problems(scene)]
     if not problems:  # places can be compared only when every vector has the dimension of the scene
-        problems = [*_law_problems(scene), *_step_problems(scene), *placement_problems(scene)]
+        problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene)]
+        problems += placement_problems(scene)
     if problems:
         raise SceneError.joined(problems)
-    return [*_unused(scene), *placement_warnings(scene)]
+    return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene)]
 
 
 def _name_problems(scene):
@@ -36,9 +38,13 @@ def _name_problems(scene):
     for name, body in scene.workpieces.items():
         if body.material not in scene.materials:
             yield _unknown_name(f"workpieces.{name}.material", body.material, "material", scene.materials)
-    for name, point in scene.points.items():
-        if point.body not in scene.workpieces:
-            yield _unknown_name(f"points.{name}.body", point.body, "workpiece", scene.workpieces)
+        for number, domain in enumerate(body.refine):
+            if domain.tool_name is not None and domain.tool_name not in scene.tools:
+                yield _unknown_name(f"workpieces.{name}.refine.{number}.tool", domain.tool_name, "tool", scene.tools)
+    for group in ("points", "flow_lines"):
+        for name, part in getattr(scene, group).items():
+            if part.body not in scene.workpieces:
+                yield _unknown_name(f"{group}.{name}.body", part.body, "workpiece", scene.workpieces)
     if scene.steps.tool is not None and scene.steps.tool not in scene.tools:
         yield _unknown_name("steps.tool", scene.steps.tool, "tool", scene.tools)
 
@@ -58,6 +64,8 @@ def _dimension_problems(scene):
     for name, body in scene.workpieces.items():
         yield from compare(f"workpieces.{name}.shape", body.shape.dimension)
         yield from _symmetry_problems(scene, f"workpieces.{name}.symmetry", body.symmetry)
+        for number, domain in enumerate(body.refine):
+            yield from compare(f"workpieces.{name}.refine.{number}", domain.dimension)
     for name, tool in scene.tools.items():
         yield from compare(f"tools.{name}.shape", tool.shape.dimension)
         yield from _symmetry_problems(scene, f"tools.{name}.symmetry", tool.symmetry)
@@ -70,6 +78,8 @@ def _dimension_problems(scene):
                 )
     for name, point in scene.points.items():
         yield from compare(f"points.{name}.at", len(point.at))
+    for name, line in scene.flow_lines.items():
+        yield from compare(f"flow_lines.{name}", len(line.from_))
 
 
 def _symmetry_problems(scene, key, symmetry):
@@ -159,7 +169,5 @@ def _unused(scene):
                 if getattr(material, key) is not None:
                     yield f"materials.{name}.{key}: has no effect, {why} in this run"
     for name, body in scene.workpieces.items():
-        if body.remesh is not None:
-            yield f"workpieces.{name}.remesh: remeshing is not available yet; the mesh will not be renewed in this run"
         if body.temperature is not None and not scene.materials[body.material].flow_stress.depends_on_temperature:
             yield f"workpieces.{name}.temperature: has no effect, the flow stress does not depend on temperature"

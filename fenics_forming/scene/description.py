@@ -2,10 +2,11 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..laws import DriveLaw, FlowStressLaw, FrictionLaw, NoFriction
+from ..laws.damage import DamageLaw
 from ..laws.described import Described, at_key
 from ..units import (
     Conductivity,
@@ -14,7 +15,6 @@ from ..units import (
     Expansion,
     Flag,
     Force,
-    ForceOrLineForce,
     Length,
     List,
     NonNegative,
@@ -23,27 +23,26 @@ from ..units import (
     SpecificHeat,
     Stress,
     Temperature,
-    Time,
     Vector,
     Within,
     kind_of,
     refused,
 )
+from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
+from .process import CountFromOne, Process, Shifting, Steps, Stop
 from .shapes import BodyShape
 from .tool_shapes import ToolShape
 
 AXES = {"plane_strain": ("x", "y"), "axisymmetric": ("r", "z"), "3d": ("x", "y", "z")}
 """Names of the coordinates of every geometry kind."""
 
-SCHEMES = ("explicit", "implicit", "midpoint", "trapezoid", "etd2")
-Scheme = Literal["explicit", "implicit", "midpoint", "trapezoid", "etd2"]
 Fraction = Within(Number, 0, 1)
 
 
-def _at_least_one(value):
-    if value < 1:
-        raise refused(value, "is too small", "a whole number from 1 on")
+def _at_least_two(value):
+    if value < 2:
+        raise refused(value, "is too small", "a whole number from 2 on")
     return value
 
 
@@ -52,11 +51,13 @@ class Material(Described):
 
     Parameters
     ----------
-    flow_stress : a flow-stress law. young, yield_stress, hardening : MPa. expansion : 1/K. density : t/mm^3.
+    flow_stress : a flow-stress law. damage : a damage law, followed only if given. young, yield_stress, hardening : MPa.
+    expansion : 1/K. density : t/mm^3.
     conductivity : mJ/s/mm/K. specific_heat : mJ/t/K. poisson, plastic_heat_fraction : numbers.
     """
 
     flow_stress: FlowStressLaw | None = None
+    damage: DamageLaw | None = None
     density: Positive(Density) | None = None
     conductivity: Positive(Conductivity) | None = None
     specific_heat: Positive(SpecificHeat) | None = None
@@ -68,20 +69,6 @@ class Material(Described):
     expansion: NonNegative(Expansion) | None = None
 
 
-class Remesh(Described):
-    """When and how a mesh is renewed.
-
-    Parameters
-    ----------
-    min_quality : least quality of an element, 0 to 1. chord : largest distance between element side and surface, mm.
-    """
-
-    min_quality: Fraction | None = None
-    chord: Positive(Length) | None = None
-    max_size: Positive(Length) | None = None
-    min_size: Positive(Length) | None = None
-
-
 class Workpiece(Described):
     """A body that is formed.
 
@@ -89,7 +76,9 @@ class Workpiece(Described):
     ----------
     shape : a body shape. material : name of a material. symmetry : axes; the body's low face on each is a mirror plane,
     a round body is cut in half through its centre.
-    mesh_size : mm, chosen from the shape if not given. temperature : degC, constant, for the flow-stress law.
+    mesh_size : mm, chosen from the shape if not given. remesh : true or a table with the keys of `Remesh`; the mesh is
+    never renewed if not given. refine : list of domains with finer elements, for the first mesh and every later one.
+    temperature : degC, constant, for the flow-stress law.
     """
 
     shape: BodyShape = Field(description="a shape such as { kind = 'rectangle', from = [0, 0], to = [10, 15] }")
@@ -97,7 +86,8 @@ class Workpiece(Described):
     symmetry: Axes = ()
     mesh_size: Positive(Length) | None = None
     temperature: Temperature | None = None
-    remesh: Remesh | None = None
+    remesh: RemeshField = None
+    refine: Refine = ()
 
 
 class Tool(Described):
@@ -127,78 +117,25 @@ class TrackedPoint(Described):
     at: Vector(Length)
 
 
-class Process(Described):
-    """Choices that concern the whole process.
+class FlowLine(Described):
+    """A straight line of material points at the start, followed through the run.
 
     Parameters
     ----------
-    shifting : how the material is moved, one of `SCHEMES`; the same choice as `steps.scheme`.
+    body : name of a workpiece. from_ (key `from`), to : its ends, mm. points : their number, ends included.
     """
 
-    shifting: Scheme | None = None
-
-
-class Adaptive(Described):
-    """Steps chosen by the run.
-
-    Parameters
-    ----------
-    max_strain_increment : largest increment of effective strain in a step. tolerance : relative error of a step.
-    min_fraction : shortest step, as a fraction of the given one.
-    """
-
-    max_strain_increment: Positive(Number) = 0.05
-    tolerance: Positive(Number) = 1e-3
-    min_fraction: Within(Positive(Number), 0, 1) = 1e-3
-
-
-def _adaptive(value):
-    return {True: Adaptive(), False: None}[value] if isinstance(value, bool) else value
-
-
-class Steps(Described):
-    """How the process is cut into steps.
-
-    Parameters
-    ----------
-    stroke : of the tool in a step, mm; or time : of a step, s; exactly one of them. tool : name of the tool whose
-    stroke counts, the first driven one if not given. adaptive : true, or a table with the keys of `Adaptive`.
-    scheme : how the material is moved in a step, one of `SCHEMES`; "implicit" is the midpoint scheme, solved again.
-    """
-
-    stroke: Positive(Length) | None = None
-    time: Positive(Time) | None = None
-    scheme: Scheme = "implicit"
-    adaptive: Annotated[Adaptive | None, BeforeValidator(_adaptive)] = None
-    tool: str | None = None
+    body: str = Field(description="the name of a workpiece")
+    from_: Vector(Length) = Field(alias="from")
+    to: Vector(Length)
+    points: Annotated[Count, AfterValidator(_at_least_two)] = 100
 
     @model_validator(mode="after")
-    def _one_size(self):
-        if self.stroke is None and self.time is None:
-            raise at_key("stroke", "is missing; expected 'stroke' or 'time' as the size of a step")
-        if self.stroke is not None and self.time is not None:
-            raise at_key("time", "is given together with 'stroke'; the size of a step is one of them", self.time)
-        return self
-
-
-class Stop(Described):
-    """When the run ends: at the first condition that is met; at least one.
-
-    Parameters
-    ----------
-    stroke : of the tool that counts in the steps, mm. time : s. force : of that tool, N (N/mm in plane strain).
-    height : extent of the modelled part of the workpiece along the direction of the drive, mm.
-    """
-
-    stroke: Positive(Length) | None = None
-    time: Positive(Time) | None = None
-    force: Positive(ForceOrLineForce) | None = None
-    height: Positive(Length) | None = None
-
-    @model_validator(mode="after")
-    def _any(self):
-        if all(value is None for value in (self.stroke, self.time, self.force, self.height)):
-            raise at_key("", "is empty; expected at least one of stroke, time, force, height")
+    def _has_a_length(self):
+        if len(self.from_) != len(self.to):
+            raise at_key("to", f"has {len(self.to)} components, 'from' has {len(self.from_)}", self.to)
+        if self.from_ == self.to:
+            raise at_key("to", "is the same point as 'from'; the line has no length", self.to)
         return self
 
 
@@ -235,7 +172,7 @@ class Solver(Described):
     slip_regularisation: Positive(Number) = 1e-3
     velocity_tolerance: Positive(Number) = 1e-2
     force_tolerance: Positive(Number) = 2e-3
-    max_iterations: Annotated[Count, AfterValidator(_at_least_one)] = 40
+    max_iterations: CountFromOne = 40
     penalty_factor: Positive(Number) = 10.0
     augmented: Flag = True
 
@@ -246,7 +183,8 @@ class Scene(Described):
     Parameters
     ----------
     title : any text. geometry : "plane_strain" (x, y; forces per mm), "axisymmetric" (r, z; forces of the full
-    turn) or "3d". materials, workpieces, tools, points : tables by name. process, steps, stop, output, solver.
+    turn) or "3d". materials, workpieces, tools, points, flow_lines : tables by name. process, steps, stop, output,
+    solver.
     """
 
     title: str = ""
@@ -255,6 +193,7 @@ class Scene(Described):
     workpieces: named(Workpiece) = Field(description="one table [workpieces.NAME]")
     tools: named(Tool) = Field(description="one table [tools.NAME] for each tool")
     points: named(TrackedPoint) = Field(default_factory=Named)
+    flow_lines: named(FlowLine) = Field(default_factory=Named)
     process: Process = Process()
     steps: Steps = Field(description="a table with 'stroke' or 'time', the size of a step")
     stop: Stop = Field(description="a table with one of stroke, time, force, height")
@@ -275,7 +214,8 @@ class Scene(Described):
 
     @model_validator(mode="after")
     def _schemes_agree(self):
-        first, second = self.process.shifting, self.steps.scheme if "scheme" in self.steps.model_fields_set else None
+        moved = self.process.moved
+        first, second = moved.scheme if moved else None, self.steps.scheme if self.steps.says("scheme") else None
         same = {first, second} <= {"implicit", "midpoint"}
         if first and second and first != second and not same:
             raise at_key("steps.scheme", f"'{second}' contradicts process.shifting '{first}'; give one of them", second)
@@ -293,9 +233,14 @@ class Scene(Described):
 
     @property
     def scheme(self):
-        """How the material is moved: "explicit", "midpoint" (also for "implicit"), "trapezoid" or "etd2"."""
-        chosen = self.process.shifting if self.process.shifting else self.steps.scheme
-        return "midpoint" if chosen == "implicit" else chosen
+        """Name of the scheme that moves the material, one of `SCHEMES`; "midpoint" also for "implicit"."""
+        return self.shifting.scheme
+
+    @property
+    def shifting(self):
+        """How the material is moved, as a `Shifting` whose scheme is "midpoint" also for "implicit"."""
+        moved = self.process.moved or Shifting(scheme=self.steps.scheme)
+        return moved.replaced(scheme="midpoint") if moved.scheme == "implicit" else moved
 
     @property
     def workpiece(self):

@@ -1,4 +1,4 @@
-"""Where the bodies, tools and points of a scene are: overlaps, mirror planes, mesh sizes. Samples, no mesh."""
+"""Where the bodies, tools and points of a scene are: overlaps, mirror planes. Samples, no mesh."""
 
 import numpy as np
 
@@ -6,10 +6,6 @@ from ..errors import SceneError
 
 TOLERANCE = 1e-6
 """Of lengths, relative to the size of the body."""
-
-MOST_DOFS = {2: 5e6, 3: 2e6}
-"""More unknowns than these are refused: a direct solver would need more memory than a large machine has."""
-
 
 def placement_problems(scene):
     """SceneErrors of what lies where it cannot."""
@@ -26,20 +22,18 @@ def placement_problems(scene):
             )
             continue
         yield from _mirror_problems(scene, key, body, size)
-        yield from _mesh_size_problems(scene, key, body)
         yield from _overlap_problems(scene, name, body, size)
         yield from _stop_problems(scene, body, size)
         yield from _point_problems(scene, name, body, size)
+        yield from _line_problems(scene, name, body, size)
 
 
 def placement_warnings(scene):
     """Sentences about what lies where it is probably not meant to."""
-    for name, body in scene.workpieces.items():
+    for body in scene.workpieces.values():
         if body.shape.file is not None:
             continue
         extent = np.ptp(body.shape.bounds(), axis=0)
-        if body.mesh_size is not None and body.mesh_size > extent.min():
-            yield f"workpieces.{name}.mesh_size: is larger than the smallest extent of the body, {extent.min():g} mm"
         samples = body.shape.boundary_points(extent.max() / 400)
         for tool_name in scene.driven_tools:
             shape = scene.tools[tool_name].shape
@@ -47,15 +41,6 @@ def placement_warnings(scene):
                 yield f"tools.{tool_name}.shape: starts {gap:.3g} mm away from the body, more than the body is large"
     if len(scene.tools) == 1:
         yield from _unopposed(scene)
-
-
-def estimated_dofs(dimension, measure, mesh_size):
-    """Unknowns of a P2-P1 mesh of equilateral cells of size h: 10.4 A / h^2 in 2-D, 35 V / h^3 in 3-D.
-
-    2-D: 2.31 A/h^2 triangles with 4.5 unknowns each; 3-D: 1200 tetrahedra in a cube at h = 0.19 V^(1/3)
-    (FORMULATION.md 8) with 4.3 unknowns each.
-    """
-    return 10.4 * measure / mesh_size**2 if dimension == 2 else 35 * measure / mesh_size**3
 
 
 def _mirror_problems(scene, key, body, size):
@@ -89,25 +74,6 @@ def _has_flat_low_face(shape, number, low, size):
         along = np.abs(np.array(shape.axis)[number]) / np.linalg.norm(shape.axis)
         return bool(along > 1 - 1e-12 or along < 1e-12)
     return shape.kind == "box"
-
-
-def _mesh_size_problems(scene, key, body):
-    if body.mesh_size is None:
-        return
-    extent = float(np.ptp(body.shape.bounds(), axis=0).max())
-    dofs = estimated_dofs(scene.dimension, body.shape.volume_or_area(), body.mesh_size)
-    if body.mesh_size > extent:
-        sentence = f"{body.mesh_size:g} mm is larger than the body, {extent:g} mm"
-        yield SceneError(sentence, key=f"{key}.mesh_size", got=body.mesh_size, allowed=f"below {extent:g}")
-    elif dofs > MOST_DOFS[scene.dimension]:
-        most = MOST_DOFS[scene.dimension]
-        power = 1 / scene.dimension
-        least = body.mesh_size * (dofs / most) ** power
-        sentence = (
-            f"{body.mesh_size:g} mm is too fine: about {dofs:.2g} unknowns, more than {most:.0g};"
-            f" expected at least {least:.2g} mm"
-        )
-        yield SceneError(sentence, key=f"{key}.mesh_size", got=body.mesh_size, allowed=f"at least {least:.2g}")
 
 
 def _overlap_problems(scene, name, body, size):
@@ -158,18 +124,25 @@ def _stop_problems(scene, body, size):
 
 
 def _point_problems(scene, name, body, size):
-    low, high = body.shape.bounds()
-    centre = (low + high) / 2
     for point_name, point in scene.points.items():
-        if point.body != name:
-            continue
-        inside = body.shape.contains([point.at])[0]
-        samples = body.shape.boundary_points(size / 400)
-        on_boundary = _distance_to_body(body.shape, point.at, samples) <= 2e-3 * size
-        if not inside and not on_boundary:
-            at = ", ".join(f"{x:g}" for x in point.at)
-            sentence = f"({at}) lies outside the workpiece '{name}', which is centred at ({_listed(centre)})"
-            yield SceneError(sentence, key=f"points.{point_name}.at", got=point.at, allowed="a point of the body")
+        if point.body == name:
+            yield from _outside(name, body, size, point.at, f"points.{point_name}.at")
+
+
+def _line_problems(scene, name, body, size):
+    for line_name, line in scene.flow_lines.items():
+        if line.body == name:
+            yield from _outside(name, body, size, line.from_, f"flow_lines.{line_name}.from")
+            yield from _outside(name, body, size, line.to, f"flow_lines.{line_name}.to")
+
+
+def _outside(name, body, size, point, key):
+    samples = body.shape.boundary_points(size / 400)
+    on_boundary = _distance_to_body(body.shape, point, samples) <= 2e-3 * size
+    if not body.shape.contains([point])[0] and not on_boundary:
+        centre = body.shape.bounds().mean(axis=0)
+        sentence = f"({_listed(point)}) lies outside the workpiece '{name}', which is centred at ({_listed(centre)})"
+        yield SceneError(sentence, key=key, got=point, allowed="a point of the body")
 
 
 def _distance_to_body(shape, point, samples):

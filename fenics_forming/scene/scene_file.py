@@ -8,7 +8,7 @@ from ..errors import SceneError
 from .description import Scene
 
 _HEADER = "# numbers are in mm, s, t, N, MPa, mJ, degC, rad\n"
-_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive")
+_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive", "damage", "shifting")
 
 
 def read_scene(path, *, set=()):
@@ -125,11 +125,23 @@ def _fill(container, table):
         elif isinstance(value, dict):
             container[key] = _inline(value)
         else:
-            container[key] = value
+            container[key] = _one_a_line(value) if _holds_tables(value) else value
 
 
 def _is_branch(key, value):
     return isinstance(value, dict) and key not in _IN_ONE_LINE
+
+
+def _holds_tables(value):
+    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+
+def _one_a_line(tables):
+    import tomlkit
+
+    array = tomlkit.array().multiline(True)
+    array.extend(_inline(table) for table in tables)
+    return array
 
 
 def _inline(table):

@@ -22,6 +22,9 @@ LAW = "materials.billet.flow_stress"
 PUNCH = "{ kind = 'rectangle', from = [0, %s], to = [%s, 40] }"
 POLYGON = "{ kind = 'polygon', points = %s }"
 ROUND = "{ kind = 'circle', centre = [20, 0], radius = 5 }"
+BODY = "workpieces.billet"
+REMESH = f"{BODY}.remesh"
+LINE = "flow_lines.middle={ body = 'billet', from = %s, to = %s }"
 BOX = "{ kind = 'box', from = [0, 0, 0], to = [10, 10, 15] }"
 
 # changes by `--set`, the key that is named, words of the sentence
@@ -151,6 +154,101 @@ CASES = [
         "steps.tool",
         "does not move",
     ),
+    (["process.substeps=0"], "process.substeps", "from 1 on"),
+    (["process={ shifting = 'etd2', substeps = 3 }"], "process.substeps", "belongs to shifting 'substeps', not to 'etd2'"),
+    (["process.shifting={ scheme = 'etd2', substeps = 3 }"], "process.shifting.substeps", "not to 'etd2'"),
+    (["process.shifting={ scheme = 'explicit', rule = 'plain' }"], "process.shifting.rule", "not to 'explicit'"),
+    (["process.shifting={ scheme = 'substeps', rule = 'fine' }"], "process.shifting.rule", "allowed: midpoint, plain"),
+    (["process.shifting={ scheme = 'substeps', substeps = 3 }", "process.substeps=4"], "process.substeps", "contradicts"),
+    (["process.shifting={ scheme = 'sub_steps' }"], "process.shifting.scheme", "did you mean 'substeps'?"),
+    (["process.shifting={ rotation = true }"], "process.shifting.scheme", "is missing"),
+    (["process.shifting={ scheme = 'etd2', rotation = 1 }"], "process.shifting.rotation", "true or false"),
+    (["process.shifting=7"], "process.shifting", "is not a table"),
+    (["process.substeps=3"], "steps.scheme", "'implicit' contradicts process.shifting 'substeps'"),
+    (["process.volume_constancy=always"], "process.volume_constancy", "'each_step' or false"),
+    (["process.volume_constancy=1"], "process.volume_constancy", "true (at every remeshing)"),
+    # remeshing
+    ([f"{REMESH}=3"], REMESH, "is not a table"),
+    ([f"{REMESH}.min_quality=1"], f"{REMESH}.min_quality", "is not below 1"),
+    ([f"{REMESH}.min_quality=0"], f"{REMESH}.min_quality", "is not positive"),
+    ([f"{REMESH}.chord=0"], f"{REMESH}.chord", "is not positive"),
+    ([f"{REMESH}.chord='2 kN'"], f"{REMESH}.chord", "wrong dimension"),
+    ([f"{REMESH}.growth=-0.2"], f"{REMESH}.growth", "is not positive"),
+    ([f"{REMESH}.every=0"], f"{REMESH}.every", "from 1 on"),
+    ([f"{REMESH}.least_steps=-1"], f"{REMESH}.least_steps", "a whole number"),
+    ([f"{REMESH}.neighbour_ratio=1"], f"{REMESH}.neighbour_ratio", "is not above 1"),
+    ([f"{REMESH}.penetration=0"], f"{REMESH}.penetration", "is not positive"),
+    ([f"{REMESH}.engine=tetgen"], f"{REMESH}.engine", "allowed: auto, mmg, gmsh"),
+    ([f"{REMESH}.strain_rate=true"], f"{REMESH}.strain_rate", "a positive number"),
+    ([f"{REMESH}={{ min_size = 2, max_size = 1 }}"], f"{REMESH}.min_size", "larger than max_size 1 mm"),
+    ([f"{REMESH}.min_size=2"], f"{REMESH}.min_size", "larger than mesh_size 1 mm"),
+    ([f"{REMESH}.minquality=0.2"], f"{REMESH}.minquality", "did you mean 'min_quality'?"),
+    # refinement
+    ([f"{BODY}.refine={{ kind = 'box' }}"], f"{BODY}.refine", "is not a list"),
+    ([f"{BODY}.refine=[3]"], f"{BODY}.refine.0", "is not a table"),
+    ([f"{BODY}.refine=[{{ size = 1 }}]"], f"{BODY}.refine.0.kind", "one of box, sphere, cylinder, near_tool, near_surface"),
+    ([f"{BODY}.refine=[{{ kind = 'ball', size = 1 }}]"], f"{BODY}.refine.0.kind", "'ball' is not known"),
+    (
+        [f"{BODY}.refine=[{{ kind = 'near_surface', distance = 1, size = 0.5 }}, {{ kind = 'near_surface', size = 1 }}]"],
+        f"{BODY}.refine.1.distance",
+        "is missing",
+    ),
+    ([f"{BODY}.refine=[{{ kind = 'near_surface', distance = 1, size = 0 }}]"], f"{BODY}.refine.0.size", "is not positive"),
+    ([f"{BODY}.refine=[{{ kind = 'near_surface', distance = 1, siz = 1, size = 1 }}]"], f"{BODY}.refine.0.siz", "'size'?"),
+    (
+        [f"{BODY}.refine=[{{ kind = 'near_tool', tool = 'uper', distance = 1, size = 1 }}]"],
+        f"{BODY}.refine.0.tool",
+        "did you mean 'upper'?",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'box', from = [0, 5], to = [3, 5], size = 1 }}]"],
+        f"{BODY}.refine.0.to",
+        "thickness would be zero",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'box', from = [0, 0, 0], to = [3, 5], size = 1 }}]"],
+        f"{BODY}.refine.0.to",
+        "has 2 components, 'from' has 3",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'box', from = [0, 0, 0], to = [3, 5, 1], size = 1 }}]"],
+        f"{BODY}.refine.0",
+        "is 3-dimensional",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'sphere', centre = [0, 0], radius = 0, size = 1 }}]"],
+        f"{BODY}.refine.0.radius",
+        "is not positive",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'cylinder', base = [0, 0, 0], radius = 1, height = 1, size = 1 }}]"],
+        f"{BODY}.refine.0",
+        "is 3-dimensional",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'cylinder', base = [0, 0, 0], axis = [0, 0, 0], radius = 1, height = 1, size = 1 }}]"],
+        f"{BODY}.refine.0.axis",
+        "length zero",
+    ),
+    (
+        [f"{BODY}.refine=[{{ kind = 'box', from = [0, 0], to = [3, 5], size = '1 um' }}]"],
+        f"{BODY}.refine.0.size",
+        "too fine: about 1.6e+08 unknowns",
+    ),
+    # flow lines and damage
+    ([LINE % ("[0, 1]", "[11, 1]")], "flow_lines.middle.to", "outside the workpiece 'billet'"),
+    ([LINE % ("[0, -1]", "[9, 1]")], "flow_lines.middle.from", "outside the workpiece 'billet'"),
+    ([LINE % ("[0, 1]", "[0, 1]")], "flow_lines.middle.to", "the same point as 'from'"),
+    ([LINE % ("[0, 1]", "[0, 1, 3]")], "flow_lines.middle.to", "has 3 components, 'from' has 2"),
+    ([LINE % ("[0, 1, 0]", "[0, 1, 3]")], "flow_lines.middle", "is 3-dimensional"),
+    ([LINE % ("[0, 1]", "[9, 1]"), "flow_lines.middle.points=1"], "flow_lines.middle.points", "from 2 on"),
+    ([LINE % ("[0, 1]", "[9, 1]"), "flow_lines.middle.body=bilet"], "flow_lines.middle.body", "did you mean 'billet'?"),
+    (["materials.billet.damage={ law = 'lemaitre' }"], "materials.billet.damage.law", "allowed: cockcroft_latham"),
+    (
+        ["materials.billet.damage={ law = 'cockcroft_latham', critical = -1 }"],
+        "materials.billet.damage.critical",
+        "is not positive",
+    ),
     # laws
     ([f"{LAW}={{ law = 'hensel_spittel', A = 1200, m1 = -0.002 }}"], "workpieces.billet.temperature", "is missing"),
     ([f"{LAW}={{ law = 'hensel_spittel', A = 1200, m6 = 1 }}"], f"{LAW}.m6", "does not occur"),
@@ -227,6 +325,11 @@ flow_stress = { law = "swift", K = 100, prestrain = 0.2, n = 0.3 }
 shape = { kind = "polygon", points = [[-30, 0], [-10, 0], [-10, 4], [-30, 4]], fillet = [0, 0, 0.5, 0] }
 material = "lead"
 symmetry = ["y"]
+refine = [{ kind = "near_tool", tool = "roll", distance = 2, size = 0.3 },
+          { kind = "sphere", centre = [-10, 0], radius = 1, size = 0.2 }]
+remesh = { chord = 0.1, every = 10, strain_rate = 1 }
+[process]
+shifting = { scheme = "substeps", substeps = 2 }
 [tools.roll]
 shape = { kind = "circle", centre = [0, 53], radius = "50 mm" }
 drive = { kind = "rotation", speed = "-10 rpm", centre = [0, 53] }
@@ -236,6 +339,11 @@ shape = { kind = "polyline", points = [[-30, 9], [-30, 0]], side = "left" }
 drive = { kind = "table", direction = [1, 0], times = [0, 1, 2], speed = [20, 20, 0] }
 [tools.punch]
 shape = { kind = "rectangle", from = [-28, 4], to = [-20, 9], fillet = 1 }
+[flow_lines.front]
+body = "strip"
+from = [-11, 0]
+to = [-11, 4]
+points = 5
 [points.nose]
 body = "strip"
 at = [-10, 1]

@@ -61,10 +61,7 @@ def test_demo_scene_survives_toml_copy_and_pickle(name, tmp_path):
 
 def test_demo_scenes_are_in_order():
     assert check(read_scene(DEMOS / "billet_upsetting.toml")) == []
-    warnings = check(read_scene(DEMOS / "ring_compression.toml"))
-    assert warnings == [
-        "workpieces.ring.remesh: remeshing is not available yet; the mesh will not be renewed in this run"
-    ]
+    assert check(read_scene(DEMOS / "ring_compression.toml")) == []
 
 
 LENGTHS = st.floats(1e-3, 1e4)
@@ -149,6 +146,11 @@ def test_json_schema_lists_every_key():
     assert set(schema["properties"]) == set(scene.Scene.key_names())
     assert schema["$defs"]["Rectangle"]["required"] == ["from", "to"]
     assert schema["additionalProperties"] is False
+    remesh = schema["$defs"]["Workpiece"]["properties"]["remesh"]["anyOf"]
+    assert {"type": "boolean"} in remesh
+    assert {"$ref": "#/$defs/Remesh"} in remesh
+    assert len(schema["$defs"]["Workpiece"]["properties"]["refine"]["items"]["oneOf"]) == 5
+    assert {"$ref": "#/$defs/Shifting"} in schema["$defs"]["Process"]["properties"]["shifting"]["anyOf"]
 
 
 def test_scheme_has_one_meaning():
@@ -156,6 +158,88 @@ def test_scheme_has_one_meaning():
     assert billet(steps=scene.Steps(stroke=1), process=scene.Process(shifting="explicit")).scheme == "explicit"
     same = billet(steps=scene.Steps(stroke=1, scheme="implicit"), process=scene.Process(shifting="midpoint"))
     assert same.scheme == "midpoint"
+
+
+def test_shifting_may_be_a_word_a_table_or_a_number_of_substeps():
+    def shifting(**process):
+        return billet(steps=scene.Steps(stroke=1), process=scene.Process(**process)).shifting
+
+    assert billet().shifting == scene.Shifting(scheme="midpoint")
+    assert shifting(shifting="etd2") == scene.Shifting(scheme="etd2")
+    assert shifting(substeps=4) == scene.Shifting(scheme="substeps", substeps=4)
+    assert shifting(shifting="substeps") == scene.Shifting(scheme="substeps", substeps=3, rule="midpoint")
+    assert shifting(shifting="substeps", substeps=4) == shifting(substeps=4)
+    plain = shifting(shifting={"scheme": "substeps", "rule": "plain", "rotation": True}, substeps=2)
+    assert (plain.substeps, plain.rule, plain.turns_exactly) == (2, "plain", True)
+    turned = shifting(shifting={"scheme": "implicit", "rotation": True})
+    assert (turned.scheme, turned.turns_exactly) == ("midpoint", True)
+    assert [shifting(shifting=word).turns_exactly for word in ("rotation", "explicit")] == [True, False]
+
+
+def test_remesh_may_be_a_word_or_a_table():
+    def remesh(value):
+        return billet().workpiece.replaced(remesh=value).remesh
+
+    assert remesh(True) == remesh({}) == scene.Remesh()
+    assert remesh(False) is None is billet().workpiece.remesh
+    assert remesh({"chord": "20 um"}).chord == 0.02
+    assert [remesh(True).quality_limit(dimension) for dimension in (2, 3)] == [0.3, 0.05]
+    assert remesh({"min_quality": 0.2}).quality_limit(3) == 0.2
+
+
+EVERYTHING = '''
+[process]
+volume_constancy = "each_step"
+shifting = { scheme = "substeps", substeps = 2, rule = "plain", rotation = true }
+[materials.billet]
+damage = { law = "cockcroft_latham", critical = 0.5 }
+[workpieces.billet]
+refine = [ { kind = "box", from = [0, 0], to = ["1 cm", 3], size = "0.3 mm" },
+           { kind = "sphere", centre = [5, 5], radius = 2, size = 0.4 },
+           { kind = "near_tool", tool = "upper", distance = "2 mm", size = 0.5 },
+           { kind = "near_surface", distance = 1, size = 0.6 } ]
+[workpieces.billet.remesh]
+min_quality = 0.2
+chord = "20 um"
+max_size = 2
+min_size = 0.1
+growth = 0.3
+every = 20
+penetration = 0.2
+neighbour_ratio = 5
+least_steps = 2
+engine = "gmsh"
+strain_rate = 1
+temperature = 2
+[flow_lines.middle]
+body = "billet"
+from = [0, 1]
+to = [10, 1]
+points = 30
+'''
+
+
+def test_everything_about_meshes_survives_toml():
+    changes = tomllib.loads(EVERYTHING)
+    values = tomllib.loads((DEMOS / "billet_upsetting.toml").read_text())
+    del values["steps"]["scheme"]
+    for group in ("materials", "workpieces"):
+        values[group]["billet"] |= changes[group]["billet"]
+    built = scene.Scene.read(values | {key: changes[key] for key in ("process", "flow_lines")})
+    text = built.to_toml()
+    assert tomllib.loads(text)["workpieces"]["billet"]["refine"][0] == {
+        "kind": "box", "from": [0, 0], "to": [10, 3], "size": 0.3,
+    }
+    assert scene.Scene.read(tomllib.loads(text)) == built == pickle.loads(pickle.dumps(built))
+    keys = [warning.partition(":")[0] for warning in check(built)]
+    assert keys == ["workpieces.billet.remesh.temperature"]
+    assert "NearTool(size=0.5 mm, tool='upper', distance=2 mm)" in repr(built)
+
+
+def test_domain_that_is_not_finer_is_pointed_out():
+    coarse = scene.NearSurface(distance=1, size=1)
+    warnings = check(billet(workpieces={"billet": billet().workpiece.replaced(refine=[coarse])}))
+    assert warnings == ["workpieces.billet.refine.0.size: has no effect, it is not below mesh_size"]
 
 
 def test_adaptive_may_be_a_word_or_a_table():

@@ -1,0 +1,167 @@
+"""How a process is run: the way the material is moved, the steps, the end."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, WithJsonSchema, model_validator
+
+from ..laws.described import Described, at_key
+from ..units import Count, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, refused
+
+SCHEMES = ("explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation")
+Scheme = Literal["explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation"]
+
+
+def _at_least_one(value):
+    if value < 1:
+        raise refused(value, "is too small", "a whole number from 1 on")
+    return value
+
+
+CountFromOne = Annotated[Count, AfterValidator(_at_least_one)]
+
+
+class Shifting(Described):
+    """How the material is moved in a step.
+
+    Parameters
+    ----------
+    scheme : one of `SCHEMES`; "implicit" is the midpoint scheme, solved again; "rotation" moves explicitly, the rigid
+    part of the motion exactly. substeps : parts of a step in the frozen velocity field, 3 if not given.
+    rule : of a sub-step, "midpoint" or "plain". Both belong to the scheme "substeps".
+    rotation : the rigid part of the motion exactly, with any scheme.
+    """
+
+    scheme: Scheme
+    substeps: CountFromOne = 3
+    rule: Literal["midpoint", "plain"] = "midpoint"
+    rotation: Flag = False
+
+    @model_validator(mode="after")
+    def _fits_the_scheme(self):
+        for key in ("substeps", "rule"):
+            if key in self.model_fields_set and self.scheme != "substeps":
+                sentence = f"belongs to the scheme 'substeps', not to '{self.scheme}'; leave it out, or change the scheme"
+                raise at_key(key, sentence, getattr(self, key), "the scheme 'substeps'")
+        return self
+
+    @property
+    def turns_exactly(self):
+        """Whether the rigid part of the motion is exact."""
+        return self.rotation or self.scheme == "rotation"
+
+
+def _shifting(value):
+    return {"scheme": value} if isinstance(value, str) else value
+
+
+def _volume_constancy(value):
+    if not isinstance(value, bool) and value != "each_step":
+        raise refused(value, "is not known", "true (at every remeshing), 'each_step' or false")
+    return value
+
+
+_VOLUME_SCHEMA = WithJsonSchema({"enum": [True, False, "each_step"]})
+
+
+class Process(Described):
+    """Choices that concern the whole process.
+
+    Parameters
+    ----------
+    shifting : how the material is moved, one of `SCHEMES` or a table with the keys of `Shifting`; the scheme is the same
+    choice as `steps.scheme`. substeps : short for shifting = { scheme = "substeps", substeps = … }.
+    volume_constancy : lost volume is given back to the free surface: true, at every remeshing; "each_step"; false, never.
+    """
+
+    shifting: Annotated[
+        Shifting | None, BeforeValidator(_shifting, json_schema_input_type=Scheme | Shifting | None)
+    ] = None
+    substeps: CountFromOne | None = None
+    volume_constancy: Annotated[bool | Literal["each_step"], BeforeValidator(_volume_constancy), _VOLUME_SCHEMA] = True
+
+    @model_validator(mode="after")
+    def _one_number_of_substeps(self):
+        if self.substeps is None or self.shifting is None:
+            return self
+        if self.shifting.scheme != "substeps":
+            sentence = f"belongs to shifting 'substeps', not to '{self.shifting.scheme}'; leave one of them out"
+            raise at_key("substeps", sentence, self.substeps, "shifting = 'substeps'")
+        if "substeps" in self.shifting.model_fields_set and self.shifting.substeps != self.substeps:
+            sentence = f"{self.substeps} contradicts {self.shifting.substeps} of shifting.substeps; give one of them"
+            raise at_key("substeps", sentence, self.substeps, self.shifting.substeps)
+        return self
+
+    @property
+    def moved(self):
+        """The `Shifting` that the keys here ask for, or None if they leave it open."""
+        if self.substeps is None:
+            return self.shifting
+        if self.shifting is None:
+            return Shifting(scheme="substeps", substeps=self.substeps)
+        return self.shifting.replaced(substeps=self.substeps)
+
+
+class Adaptive(Described):
+    """Steps chosen by the run.
+
+    Parameters
+    ----------
+    max_strain_increment : largest increment of effective strain in a step. tolerance : relative error of a step.
+    min_fraction : shortest step, as a fraction of the given one.
+    """
+
+    max_strain_increment: Positive(Number) = 0.05
+    tolerance: Positive(Number) = 1e-3
+    min_fraction: Within(Positive(Number), 0, 1) = 1e-3
+
+
+def _adaptive(value):
+    return {True: Adaptive(), False: None}[value] if isinstance(value, bool) else value
+
+
+class Steps(Described):
+    """How the process is cut into steps.
+
+    Parameters
+    ----------
+    stroke : of the tool in a step, mm; or time : of a step, s; exactly one of them. tool : name of the tool whose
+    stroke counts, the first driven one if not given. adaptive : true, or a table with the keys of `Adaptive`.
+    scheme : how the material is moved in a step, one of `SCHEMES`; "implicit" is the midpoint scheme, solved again.
+    """
+
+    stroke: Positive(Length) | None = None
+    time: Positive(Time) | None = None
+    scheme: Scheme = "implicit"
+    adaptive: Annotated[
+        Adaptive | None, BeforeValidator(_adaptive, json_schema_input_type=bool | Adaptive | None)
+    ] = None
+    tool: str | None = None
+
+    @model_validator(mode="after")
+    def _one_size(self):
+        if self.stroke is None and self.time is None:
+            raise at_key("stroke", "is missing; expected 'stroke' or 'time' as the size of a step")
+        if self.stroke is not None and self.time is not None:
+            raise at_key("time", "is given together with 'stroke'; the size of a step is one of them", self.time)
+        return self
+
+
+class Stop(Described):
+    """When the run ends: at the first condition that is met; at least one.
+
+    Parameters
+    ----------
+    stroke : of the tool that counts in the steps, mm. time : s. force : of that tool, N (N/mm in plane strain).
+    height : extent of the modelled part of the workpiece along the direction of the drive, mm.
+    """
+
+    stroke: Positive(Length) | None = None
+    time: Positive(Time) | None = None
+    force: Positive(ForceOrLineForce) | None = None
+    height: Positive(Length) | None = None
+
+    @model_validator(mode="after")
+    def _any(self):
+        if all(value is None for value in (self.stroke, self.time, self.force, self.height)):
+            raise at_key("", "is empty; expected at least one of stroke, time, force, height")
+        return self
