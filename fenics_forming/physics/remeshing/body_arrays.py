@@ -1,0 +1,88 @@
+"""A whole body of order 2 as plain arrays on one rank: what a remeshing takes and gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..nodes import EDGES
+
+# vertices of the facets of a cell whose Jacobian is positive: body on the left (2-D), normal outwards (3-D)
+FACETS = {2: ((1, 2), (2, 0), (0, 1)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+
+
+@dataclass(frozen=True)
+class BodyArrays:
+    """A body of order 2.
+
+    Attributes
+    ----------
+    x : (n, dim) positions of the nodes, mm
+    cells : (m, 6 | 10) nodes of the cells in basix order: vertices first, then mid-nodes as in ``nodes.EDGES``
+    """
+
+    x: np.ndarray
+    cells: np.ndarray
+
+    @property
+    def dim(self) -> int:
+        return self.x.shape[1]
+
+    @cached_property
+    def sides(self) -> np.ndarray:
+        """Nodes of the boundary facets, see `boundary_sides`."""
+        return boundary_sides(self.cells, self.dim, self.x)
+
+
+@dataclass(frozen=True)
+class Remeshed(BodyArrays):
+    """A body with a new mesh.
+
+    Attributes
+    ----------
+    labels : (f,) label of each of ``sides``: 0 free surface, k >= 1 pressed by the k-th tool, -1 - axis on the
+        mirror plane of that axis (the axis of rotation is the mirror plane r = 0)
+    engine : what made the mesh: "mmg", "gmsh" or "gmsh, then mmg"
+    """
+
+    labels: np.ndarray
+    engine: str
+
+
+def boundary_sides(cells: np.ndarray, dim: int, x: np.ndarray) -> np.ndarray:
+    """The facets that belong to one cell only, in the order of the cells: (f, 3 | 6) nodes.
+
+    Vertices first: in 2-D the body lies on the left of the way from the first to the second, in 3-D they turn
+    around the outward normal. Then the mid-nodes, in 3-D in the order of a quadratic triangle (opposite to the
+    first, second, third vertex).
+    """
+    corners = cells[:, : dim + 1]
+    local = np.array(FACETS[dim])
+    facets = corners[:, local].reshape(-1, dim)
+    _, inverse, count = np.unique(keys(facets, len(x)), return_inverse=True, return_counts=True)
+    cell, facet = np.divmod(np.flatnonzero(count[inverse.ravel()] == 1), dim + 1)
+
+    nodes = _with_mids(local, dim)[facet]                        # local numbers (f, 3 | 6)
+    p = x[corners[cell]]
+    mirrored = np.linalg.det(p[:, 1:] - p[:, :1]) < 0
+    # exchanging the first two vertices turns a facet over; in 3-D the mid-nodes opposite to them go along
+    nodes[mirrored] = nodes[mirrored][:, {2: [1, 0, 2], 3: [1, 0, 2, 4, 3, 5]}[dim]]
+    return cells[cell[:, None], nodes]
+
+
+def keys(nodes: np.ndarray, count: int) -> np.ndarray:
+    """One whole number for each row of nodes, (k, 1 to 3) of 0 to ``count`` - 1, whatever their order in the row."""
+    nodes = np.sort(nodes.astype(np.int64), axis=1)
+    key = nodes[:, 0]
+    for column in nodes[:, 1:].T:
+        key = key * count + column
+    return key
+
+
+def _with_mids(facets: np.ndarray, dim: int) -> np.ndarray:
+    """Local numbers of the vertices and mid-nodes of each facet of the reference cell."""
+    mid = {frozenset(e): dim + 1 + i for i, e in enumerate(EDGES[dim])}
+    own = EDGES[2] if dim == 3 else ((0, 1),)
+    return np.array([[*f, *(mid[frozenset((int(f[a]), int(f[b])))] for a, b in own)] for f in facets])

@@ -1,0 +1,68 @@
+"""mmg, where mmgpy is installed: the only place that imports it."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+
+
+def installed() -> bool:
+    return find_spec("mmgpy") is not None
+
+
+def plane(points: np.ndarray, sides: np.ndarray, size: np.ndarray,
+          triangles: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fill a boundary with triangles, or remesh the triangles that fill it.
+
+    Parameters
+    ----------
+    points : (n, 2) vertices of the boundary first
+    sides : (f, 2) vertices of the sides, all of which stay
+    size : (n,) wanted length of the edges at the points, mm
+    triangles : (m, 3) that fill the boundary; none: only the boundary is there
+
+    Returns
+    -------
+    x, triangles, sides : the f sides in the old order, with exactly the old positions
+
+    Raises
+    ------
+    RuntimeError
+        when mmg fails.
+    """
+    import mmgpy
+
+    mesh = mmgpy.MmgMesh2D()
+    mesh.set_mesh_size(vertices=len(points), edges=len(sides), triangles=0 if triangles is None else len(triangles))
+    mesh.set_vertices(np.ascontiguousarray(points))
+    if triangles is not None:
+        mesh.set_triangles(triangles.astype(np.int32))
+    # a side is known again by its reference
+    mesh.set_edges(sides.astype(np.int32), np.arange(1, len(sides) + 1))
+    mesh.set_required_edges(np.arange(len(sides), dtype=np.int32))
+    mesh.set_field("metric", np.ascontiguousarray(size[:, None]))
+    mesh.remesh(verbose=-1)
+    edges, reference = (np.asarray(a) for a in mesh.get_edges_with_refs())
+    edges, reference = edges[reference > 0], reference[reference > 0]
+    if not np.array_equal(np.sort(reference), np.arange(1, len(sides) + 1)):
+        raise RuntimeError("mmg lost sides of the boundary")
+    x = np.array(mesh.get_vertices())
+    new = _directed(x, edges[np.argsort(reference)].astype(np.int64), points[sides])
+    x[new] = points[sides]           # mmg scales the body: rounding
+    cells, part = (np.asarray(a) for a in mesh.get_triangles_with_refs())
+    cells = cells.astype(np.int64)
+    return x, cells if triangles is not None else _inside(cells, part, new, len(x)), new
+
+
+def _directed(x: np.ndarray, sides: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """The sides (f, 2), each from the first to the second of its ends, (f, 2, 2)."""
+    there, back = (np.abs(x[s] - ends).max(axis=(1, 2)) for s in (sides, sides[:, ::-1]))
+    return np.where((there <= back)[:, None], sides, sides[:, ::-1])
+
+
+def _inside(triangles: np.ndarray, part: np.ndarray, sides: np.ndarray, count: int) -> np.ndarray:
+    """The triangles of the parts that lie on the left of sides; holes lie on the right."""
+    key = sides[:, 0] * count + sides[:, 1]
+    directed = triangles * count + np.roll(triangles, -1, axis=1)
+    return triangles[np.isin(part, part[np.isin(directed, key).any(axis=1)])]
