@@ -9,6 +9,8 @@ import numpy as np
 from ...errors import MeshError
 from .body_arrays import BodyArrays
 
+ROUNDING = 1e-12       # of the body: a mirror plane so near to the origin goes through it
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -46,7 +48,8 @@ def on_mirror_planes(x: np.ndarray, sides: np.ndarray, labels: np.ndarray) -> np
     x = x.copy()
     for label in np.unique(labels[labels < 0]):
         axis, nodes = -1 - label, sides[labels == label].ravel()
-        x[nodes, axis] = np.median(x[nodes, axis])
+        plane = np.median(x[nodes, axis])
+        x[nodes, axis] = 0.0 if abs(plane) < ROUNDING * np.ptp(x[:, axis]) else plane
     return x
 
 
