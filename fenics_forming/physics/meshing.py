@@ -12,7 +12,7 @@ from dolfinx.io.gmshio import cell_perm_array
 from mpi4py import MPI
 
 from ..errors import MeshError
-from .nodes import EDGES
+from .nodes import EDGES, quadratic_shapes
 
 
 def order_two(mesh: dmesh.Mesh) -> dmesh.Mesh:
@@ -153,7 +153,7 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
     # the new nodes lie where the quadratic map of the old cell takes them, so that its Jacobian is theirs:
     # straight spokes would invert the cells behind a curved side
     middle_of = np.full((1, dim + 1), 1 / (dim + 1))
-    placed = np.einsum("pa,kad->kpd", _quadratic_shapes(np.concatenate(
+    placed = np.einsum("pa,kad->kpd", quadratic_shapes(np.concatenate(
         [middle_of, 0.5 * (np.eye(dim + 1) + middle_of)]), dim), x[old])
     centre, spokes = placed[:, 0], placed[:, 1:]
     first = len(x)
@@ -173,13 +173,6 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
         columns = [centre_number if v == side else old[:, v] for v in range(dim + 1)] + [number(e) for e in edges]
         new.append(np.stack(columns, axis=1))
     return x, np.concatenate([cells[~cut], *new])
-
-
-def _quadratic_shapes(barycentric: np.ndarray, dim: int) -> np.ndarray:
-    """Quadratic shape functions, in basix order, at barycentric coordinates (p, dim + 1): (p, 6 or 10)."""
-    ends = np.array(EDGES[dim])
-    return np.concatenate([barycentric * (2 * barycentric - 1),
-                           4 * barycentric[:, ends[:, 0]] * barycentric[:, ends[:, 1]]], axis=1)
 
 
 def _sizes(gmsh, size, corners, corner_size, growth):

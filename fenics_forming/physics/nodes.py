@@ -133,3 +133,10 @@ def _mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
     ends = np.stack([cells[:, list(e)] for e in EDGES[dim]], axis=1).reshape(-1, 2)
     mids, first = np.unique(mids, return_index=True)
     return mids, ends[first]
+
+
+def quadratic_shapes(barycentric: np.ndarray, dim: int) -> np.ndarray:
+    """Quadratic shape functions, in basix order, at barycentric coordinates (p, dim + 1): (p, 6 or 10)."""
+    ends = np.array(EDGES[dim])
+    return np.concatenate([barycentric * (2 * barycentric - 1),
+                           4 * barycentric[:, ends[:, 0]] * barycentric[:, ends[:, 1]]], axis=1)

@@ -1,0 +1,157 @@
+"""From an old mesh to the points of a new one: strain, temperature, damage, velocity.
+
+What history holds is nodal and linear between vertices (mid-nodes have the mean of their ends), so it stays so: no field
+leaves the range of the old one, and no point is left without a value.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import basix
+import numpy as np
+
+from ..physics.locating import Located, Locator, slopes
+from ..physics.nodes import quadratic_shapes
+
+INTEGRAND_DEGREE = 6     # quadratic value x radius x Jacobian (2-D); value x Jacobian is 5 in 3-D
+
+
+class Transfer:
+    """Values of an old mesh at given points; made once for all fields.
+
+    Parameters
+    ----------
+    old : the old body, with ``x`` (n, dim), mm, and ``cells`` (m, 6 | 10)
+    points : (p, dim) places in the new body, mm, for the history its vertices and mid-nodes; one outside the old body
+        takes the value of the nearest place found
+
+    Attributes
+    ----------
+    located : where the points lie in the straight simplices of the old mesh; its ``distance`` says how far outside
+    """
+
+    def __init__(self, old, points: np.ndarray):
+        self.points = np.asarray(points, float)
+        self.locator = Locator(old.x, old.cells)
+        self.located: Located = self.locator.find(self.points)
+
+    @cached_property
+    def curved(self) -> Located:
+        """Where the points lie in the curved cells of the old mesh."""
+        return self.locator.find_curved(self.points, self.located)
+
+    def linear(self, values: np.ndarray) -> np.ndarray:
+        """Values at the points of a field that is linear between vertices, bounded: (n[, k]) old nodes to (p[, k]).
+
+        u(x) = sum_i l_i [u_i + (1/2) g_i (x - x_i)] with the barycentric coordinates l, the vertices x_i and the
+        volume-weighted nodal gradients g_i: exact for linear fields, and for quadratic ones as far as the gradients
+        are, where plain linear interpolation flattens every peak. The result is cut to the range of the vertices of
+        the cell and of their neighbours: nothing falls below the least or rises above the greatest value near by.
+
+        Only the values at vertices are read.
+        """
+        mesh, found = self.locator, self.located
+        old = np.asarray(values, float).reshape(len(mesh.x), -1)
+        corners = mesh.vertices[found.cells]
+        place = np.einsum("pi,pij->pj", found.barycentric, mesh.x[corners])
+        out = np.empty((len(self.points), old.shape[1]))
+        for k, column in enumerate(old.T):
+            slopes = self._nodal_gradient(column)[corners]
+            away = 0.5 * (place[:, None] - mesh.x[corners]) + (self.points - place)[:, None]
+            guess = np.einsum("pi,pi->p", found.barycentric, column[corners] + np.einsum("pij,pij->pi", slopes, away))
+            lowest, highest = self._range(column)
+            out[:, k] = np.clip(guess, lowest[corners].min(axis=1), highest[corners].max(axis=1))
+        return out.reshape((len(self.points),) + np.shape(values)[1:])
+
+    def quadratic(self, values: np.ndarray) -> np.ndarray:
+        """Values at the points by the quadratic shapes of the curved cells: (n[, k]) old nodes to (p[, k]).
+
+        For velocities and displacements, which have values of their own at mid-nodes; not bounded.
+        """
+        mesh, found = self.locator, self.curved
+        shapes = quadratic_shapes(found.barycentric, mesh.dim)
+        return np.einsum("pa,pa...->p...", shapes, np.asarray(values, float)[mesh.cells[found.cells]])
+
+    # ------------------------------------------------------------------ limited slopes
+    @cached_property
+    def _vertex_rows(self):
+        """The cells' vertices sorted by node: order of the flattened vertices, first place and number of every node."""
+        flat = self.locator.vertices.ravel()
+        order = np.argsort(flat, kind="stable")
+        nodes, first = np.unique(flat[order], return_index=True)
+        return order, nodes, first
+
+    def _nodal_gradient(self, column):
+        """Volume-weighted mean at the vertices of the gradients in the cells around, (n, dim)."""
+        mesh = self.locator
+        rise = column[mesh.vertices[:, 1:]] - column[mesh.vertices[:, :1]]
+        slope = np.einsum("ci,cij->cj", rise, mesh.gradients)
+        weight = mesh.weights
+        count, nodes = len(mesh.x), mesh.vertices.ravel()
+        sums = [np.bincount(nodes, np.repeat(weight * slope[:, j], mesh.dim + 1), count) for j in range(mesh.dim)]
+        whole = np.bincount(nodes, np.repeat(weight, mesh.dim + 1), count)
+        return np.stack(sums, axis=1) / np.where(whole > 0, whole, 1.0)[:, None]
+
+    def _range(self, column):
+        """Least and greatest value at the vertices of the cells around every vertex, (n,) twice."""
+        mesh = self.locator
+        order, nodes, first = self._vertex_rows
+        around = column[mesh.vertices]
+        lowest, highest = column.copy(), column.copy()
+        lowest[nodes] = np.minimum.reduceat(np.repeat(around.min(axis=1), mesh.dim + 1)[order], first)
+        highest[nodes] = np.maximum.reduceat(np.repeat(around.max(axis=1), mesh.dim + 1)[order], first)
+        return lowest, highest
+
+
+def conservation(old, new, fields: dict[str, tuple[np.ndarray, np.ndarray]], *, axisymmetric: bool = False
+                 ) -> dict[str, float]:
+    """Relative change of the integral of each transferred field, by name.
+
+    (I_new - I_old) / J with I = ∫ u w dV, J = ∫ |u| w dV over the old body, w = 2 pi r in axisymmetry, else 1; of a
+    vector the length of the change; 0 for a field that was 0 everywhere.
+
+    Parameters
+    ----------
+    old, new : bodies with ``x`` (n, dim), mm, and ``cells`` (m, 6 | 10)
+    fields : name → (values at the old nodes, values at the new nodes), mid-nodes included, (n[, k])
+    """
+    before, after = _measure(old, axisymmetric), _measure(new, axisymmetric)
+    report = {}
+    for name, (at_old, at_new) in fields.items():
+        at_old, at_new = _at_points(old, at_old), _at_points(new, at_new)
+        size = np.einsum("cq,cq->", np.linalg.norm(at_old, axis=2), before)
+        change = np.einsum("cqk,cq->k", at_new, after) - np.einsum("cqk,cq->k", at_old, before)
+        change = change[0] if len(change) == 1 else np.linalg.norm(change)
+        report[name] = float(change / size) if size > 0 else 0.0
+    return report
+
+
+def integral(body, values: np.ndarray, *, axisymmetric: bool = False) -> float:
+    """∫ u w dV of a nodal field (n,) over the curved cells; w = 2 pi r in axisymmetry, else 1."""
+    return float(np.einsum("cqk,cq->", _at_points(body, values), _measure(body, axisymmetric)))
+
+
+def _points(dim):
+    """Quadrature of positive weights: barycentric coordinates (q, dim + 1) and weights (q,)."""
+    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim]
+    points, weights = basix.make_quadrature(kind, INTEGRAND_DEGREE)
+    return np.concatenate([1.0 - points.sum(axis=1, keepdims=True), points], axis=1), weights
+
+
+def _measure(body, axisymmetric):
+    """Weights of the quadrature points in the body, (m, q), mm² or mm³."""
+    dim = body.x.shape[1]
+    inner, weights = _points(dim)
+    x = body.x[body.cells]
+    by_coordinate = np.einsum("qak,cad->cqkd", slopes(inner, dim), x)
+    measure = weights * np.abs(np.linalg.det(by_coordinate[:, :, 1:] - by_coordinate[:, :, :1]))
+    if axisymmetric:
+        measure *= 2 * np.pi * np.einsum("qa,ca->cq", quadratic_shapes(inner, dim), x[:, :, 0])
+    return measure
+
+
+def _at_points(body, values):
+    """Values (n[, k]) at the quadrature points, (m, q, k)."""
+    shapes = quadratic_shapes(_points(body.x.shape[1])[0], body.x.shape[1])
+    return np.einsum("qa,cak->cqk", shapes, np.asarray(values, float).reshape(len(body.x), -1)[body.cells])
