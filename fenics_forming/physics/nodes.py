@@ -41,7 +41,7 @@ class Nodes:
         self.scalar_dofs = np.full(self.count, -1, dtype=np.int32)
         self.scalar_dofs[mesh.geometry.dofmap[:, : self.dim + 1].ravel()] = self.scalar_space.dofmap.list.ravel()
         self.is_vertex = self.scalar_dofs >= 0
-        self._edge_mid, self._edge_ends = _mid_nodes(mesh.geometry.dofmap, self.dim)
+        self._edge_mid, self._edge_ends = mid_nodes(mesh.geometry.dofmap, self.dim)
         cell = mesh.basix_cell()
         element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE[self.dim])
@@ -95,6 +95,17 @@ class Nodes:
         out[v] = array[self.scalar_dofs[v]]
         return self.with_mids(out).reshape(values.shape)
 
+    def sum_at_all(self, values: np.ndarray) -> np.ndarray:
+        """Add the contributions of all ranks at shared nodes, mid-nodes too: (count[, k]) in, the same out."""
+        if self.comm.size == 1:
+            return values
+        flat = values.reshape(self.count, -1)
+        vector = la.vector(self.mesh.geometry.index_map(), flat.shape[1])
+        vector.array[:] = flat.ravel()
+        vector.scatter_reverse(la.InsertMode.add)
+        vector.scatter_forward()
+        return vector.array.reshape(values.shape).copy()
+
     def with_mids(self, nodal: np.ndarray) -> np.ndarray:
         """Fill the mid-nodes, in place, with the mean of the ends of their edge: (count[, k])."""
         nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
@@ -127,7 +138,7 @@ class Nodes:
 EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
 
 
-def _mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
+def mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Mid-nodes of all edges and the two vertices of each: (m,), (m, 2)."""
     mids = cells[:, dim + 1:].ravel()
     ends = np.stack([cells[:, list(e)] for e in EDGES[dim]], axis=1).reshape(-1, 2)

@@ -39,6 +39,12 @@ class ToolMotion:
             return points - self.displacement
         return (points - self.displacement - self.centre) @ self.rotation() + self.centre
 
+    def to_space(self, points: np.ndarray) -> np.ndarray:
+        """Points in the frame in which the tool's surface was described → points in space."""
+        if self.centre is None:
+            return points + self.displacement
+        return self.turn(points - self.centre) + self.centre + self.displacement
+
     def turn(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors of the tool's frame → space."""
         return vectors if self.centre is None or self.angle == 0.0 else vectors @ self.rotation().T
