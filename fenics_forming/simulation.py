@@ -146,6 +146,8 @@ class Simulation:
                 state, limited_by = self._advance(state, observer)
                 recorder.step(state, limited_by, perf_counter() - begun)
                 observer.step(recorder.row, limited_by)
+                for sentence in recorder.news():
+                    observer.note(sentence)
         except ConvergenceError as failure:
             why = f"failed: {failure}"
             raise

@@ -46,6 +46,8 @@ class Nodes:
         element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE[self.dim])
         self._gradients = element.tabulate(1, points)[1:, :, :, 0]
+        linear = np.column_stack([np.ones(len(points)), points])
+        self._to_vertices = np.column_stack([np.ones(self.dim + 1), basix.geometry(cell)]) @ np.linalg.pinv(linear)
         p = self.x[self.vertices]
         self._orientation = np.sign(np.linalg.det(p[:, 1:] - p[:, :1])) if len(p) else np.empty(0)
         self._sums: dict[int, la.Vector] = {}
@@ -63,10 +65,7 @@ class Nodes:
 
     def smallest_jacobian(self) -> float:
         """Smallest determinant of the cell maps at the integration points, mm² or mm³; negative: inverted."""
-        x = self.x[self.cells]
-        points = self._gradients.shape[1]
-        jacobian = np.matmul(self._gradients.reshape(-1, x.shape[1]), x).reshape(len(x), self.dim, points, self.dim)
-        jacobian = np.moveaxis(jacobian, 2, 1)      # cells, points, derivative, component
+        jacobian = self._local_gradients(self.x)
         if self.dim == 2:
             det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
         else:
@@ -127,6 +126,27 @@ class Nodes:
         mean = sums[:, 1:] / sums[:, :1]
         mean = self.with_mids(mean)
         return mean.reshape((self.count,) + at_vertices.shape[2:])
+
+    def _local_gradients(self, nodal):
+        """Derivatives of a nodal field (count, k) by the local coordinates: (cells, points, derivative, k)."""
+        values = nodal[self.cells]
+        table = self._gradients.reshape(-1, values.shape[1])
+        by_local = np.matmul(table, values).reshape(len(values), self.dim, -1, values.shape[2])
+        return np.moveaxis(by_local, 2, 1)
+
+    def fit_to_vertices(self, at_points: np.ndarray) -> np.ndarray:
+        """Values (cells, points, k) at the integration points, fitted linearly in each cell, at its vertices
+        (cells, dim + 1, k): a curved cell may be singular there, what is linear in a straight one is met."""
+        return np.einsum("vp,cpk->cvk", self._to_vertices, at_points)
+
+    def gradient(self, nodal: np.ndarray) -> np.ndarray:
+        """Gradient (count, k, dim) of a nodal field (count, k), 1/mm of its unit: volume-weighted mean at the nodes.
+
+        Exact for linear fields, second order otherwise.
+        """
+        by_place = np.linalg.solve(self._local_gradients(self.x), self._local_gradients(nodal))
+        corners = self.fit_to_vertices(by_place.reshape(by_place.shape[:2] + (-1,)))
+        return np.swapaxes(self.vertex_mean(corners.reshape(corners.shape[:2] + by_place.shape[2:])), 1, 2)
 
     def extents(self) -> np.ndarray:
         """Lowest and highest coordinates of the body, (2, dim), mm."""

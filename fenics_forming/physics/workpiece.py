@@ -91,8 +91,6 @@ class Workpiece:
         self.rate0 = fem.Constant(mesh, 1.0)
         points, _ = basix.make_quadrature(cell, degree)
         self._hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
-        linear = np.column_stack([np.ones(len(points)), points])
-        self._to_vertices = np.column_stack([np.ones(dim + 1), basix.geometry(cell)]) @ np.linalg.pinv(linear)
         self._compile(points, body_force, degree)
 
         self.fixed = tuple(fixed)
@@ -140,8 +138,6 @@ class Workpiece:
             if self.contact is not None else None
         u = ufl.split(self.increment)[0]
         self._rate_of_increment = fem.Expression(D(u), points)
-        corners = basix.geometry(mesh.basix_cell())
-        self._gradient_at_vertices = fem.Expression(ufl.grad(v), corners)
         self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
 
     # ------------------------------------------------------------------ numbering and conditions
@@ -233,24 +229,40 @@ class Workpiece:
     def set_point_data(self, stress: np.ndarray, rate: np.ndarray, rate_scale: float) -> None:
         """Take over what :meth:`point_data` gave; the rates belong to the characteristic rate ``rate_scale``, 1/s."""
         self.tau[:] = stress.reshape(self.tau.shape)
+        self.rate0.value = self.settings.regularisation * rate_scale
         self.refresh_strain_rate()
         self.last_rate = (rate.ravel(), rate_scale)
 
     def nodal_rate(self) -> np.ndarray:
-        """Effective strain rate at the nodes (nodes,), 1/s.
-
-        The strain rate, linear in a straight cell, is fitted so to the integration points of each cell and taken at
-        the vertices: a curved cell may be singular there.
-        """
-        points = self.strain_rate.reshape(len(self.nodes.cells), -1, self.kinematics.components)
-        corners = np.einsum("vp,cpk->cvk", self._to_vertices, points)
+        """Effective strain rate at the nodes (nodes,), 1/s."""
+        corners = self._strain_rate_at_vertices()
         return self.nodes.vertex_mean(np.sqrt(2 / 3 * np.einsum("cvk,cvk->cv", corners, corners)))
+
+    def _strain_rate_at_vertices(self):
+        cells = len(self.nodes.cells)
+        return self.nodes.fit_to_vertices(self.strain_rate.reshape(cells, -1, self.kinematics.components))
+
+    def nodal_damage_rate(self, damage, strain: np.ndarray, temperature: np.ndarray | None) -> np.ndarray:
+        """Rate of a damage law at the nodes (nodes,), 1/s, with the stress of the present flow.
+
+        The deviator is 2/3 flow stress / effective rate times the strain rate, fitted to the vertices as for
+        :meth:`nodal_rate`, so that it never exceeds the flow stress; the mean stress comes from the pressure.
+
+        Parameters
+        ----------
+        damage : law of ``laws.damage`` · strain : (nodes,) · temperature : (nodes,) degC, or None
+        """
+        D, corners = self._strain_rate_at_vertices(), self.nodes.vertices
+        rate = np.sqrt(2 / 3 * np.einsum("cvk,cvk->cv", D, D))
+        regular = np.hypot(rate, float(self.rate0.value))
+        flow_stress = self.law(strain[corners], regular, None if temperature is None else temperature[corners])
+        flow_stress = np.broadcast_to(flow_stress, rate.shape)
+        largest = flow_stress / regular * 2 / 3 * self.kinematics.largest_principal(D) + self.mean_stress[corners]
+        return self.nodes.vertex_mean(damage.rate(largest, flow_stress) * rate)
 
     def nodal_velocity_gradient(self) -> np.ndarray:
         """Velocity gradient at the nodes (nodes, dim, dim), 1/s; row i is the gradient of component i."""
-        dim = self.nodes.dim
-        values = self._gradient_at_vertices.eval(self.nodes.mesh, self._owned_cells)
-        return self.nodes.vertex_mean(values.reshape(-1, dim + 1, dim, dim))
+        return self.nodes.gradient(self.velocity)
 
     def volume(self) -> float:
         """Volume of the body, mm³ (mm² in plane strain)."""

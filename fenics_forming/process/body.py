@@ -34,16 +34,18 @@ class FlowingBody:
     boundary : (n,) nodes that a tool may touch
     height_axis : the axis along which the main tool moves; the extent on it makes the characteristic rate
     temperature : degC, or None
+    damage : law of ``laws.damage``, or None: no damage gathers
     """
 
     def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
-                 temperature: float | None = None):
+                 temperature: float | None = None, damage=None):
         self.workpiece, self.nodes = workpiece, workpiece.nodes
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
         self._drives, self._boundary, self.height_axis = drives, boundary, height_axis
         self._temperature = None if temperature is None else np.full(self.nodes.count, float(temperature))
+        self._damage = damage
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
         self.seconds = {"contact search": 0.0, "shifting": 0.0}
         self.speed = 0.0
@@ -159,11 +161,16 @@ class FlowingBody:
 
     def new_history(self) -> dict[str, np.ndarray]:
         """What gathers in the material, by name and node: nothing yet."""
-        return {"effective_strain": np.zeros(self.nodes.count)}
+        names = ["effective_strain"] + ["damage"] * (self._damage is not None)
+        return {name: np.zeros(self.nodes.count) for name in names}
 
     def rates(self, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Rates of the history in the present flow, by name and node, 1/s."""
-        return {"effective_strain": self.workpiece.nodal_rate()}
+        rates = {"effective_strain": self.workpiece.nodal_rate()}
+        if self._damage is not None:
+            strain = history["effective_strain"]
+            rates["damage"] = self.workpiece.nodal_damage_rate(self._damage, strain, self._temperature)
+        return rates
 
     def _explained(self, failure: ConvergenceError) -> ConvergenceError:
         """The failure, and its likely reason where one tool alone touches the body and nothing is on its far side."""

@@ -25,11 +25,12 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     settings = NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
     contact = RigidContact(ContactFacets(nodes, kinematics, candidates), tools,
                            slip_regularisation=settings.slip_regularisation)
+    material = scene.materials[scene.workpiece.material]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
-                          flow_stress=scene.materials[scene.workpiece.material].flow_stress)
+                          flow_stress=material.flow_stress)
     return FlowingBody(workpiece, boundary=facet_nodes(nodes, candidates), height_axis=_height_axis(scene),
                        drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
-                       temperature=scene.workpiece.temperature)
+                       temperature=scene.workpiece.temperature, damage=material.damage)
 
 
 def mirror_planes(scene: Scene, mesh: Mesh) -> dict[int, float]:

@@ -28,6 +28,24 @@ class VolumeLedger:
         return {"relative_error": self.last, "worst_relative_error": self.worst, "by": {"integration": self.last}}
 
 
+class DamageLedger:
+    """Largest damage, and when it first passed the critical value."""
+
+    def __init__(self, critical: float | None):
+        self.critical, self.largest, self.passed_at_step = critical, 0.0, None
+
+    def news(self, step: int, largest: float) -> list[str]:
+        """A sentence in the step in which the critical value is passed; ``largest`` of the body in this step."""
+        self.largest = largest
+        if self.critical is None or self.passed_at_step is not None or largest < self.critical:
+            return []
+        self.passed_at_step = step
+        return [f"damage has passed its critical value {self.critical:g} in step {step}: it is {largest:.3g} somewhere"]
+
+    def summary(self) -> dict:
+        return {"largest": self.largest, "critical": self.critical, "passed_at_step": self.passed_at_step}
+
+
 class PowerLedger:
     """Power given by the tools against plastic, friction, penalty and body-force power, relative to the first."""
 

@@ -12,7 +12,7 @@ from ..physics.parallel import highest
 from .fields import FieldWriter
 from .files import on_rank_zero, whole_file
 from .history import History
-from .ledger import PowerLedger, VolumeLedger
+from .ledger import DamageLedger, PowerLedger, VolumeLedger
 from .results import Results
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
@@ -35,6 +35,8 @@ class Recorder:
         self.row: dict[str, float] = {}
         self.summary: dict = {}
         self.volume, self.power = VolumeLedger(simulation.start_volume), PowerLedger()
+        damage = self.scene.materials[self.scene.workpiece.material].damage
+        self.damage = None if damage is None else DamageLedger(damage.critical)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
         self.fields = None
@@ -45,6 +47,8 @@ class Recorder:
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
             self.history.truncate_after(resume_after)
+            for row in self.history.rows if self.damage is not None else ():
+                self.damage.news(int(row["step"]), row["max_damage"])
         else:
             self.history = History(history, self.comm)
         self._began, self._cpu = perf_counter(), process_time()     # the run itself: writers and their imports stand
@@ -81,6 +85,10 @@ class Recorder:
             self.run.save(self.out / "checkpoint.npz", state)
         self.seconds["output"] += perf_counter() - start
 
+    def news(self) -> list[str]:
+        """What a user wants to hear of the last step, one sentence each."""
+        return [] if self.damage is None else self.damage.news(int(self.row["step"]), self.row["max_damage"])
+
     def _row(self, state, wall: float) -> dict[str, float]:
         run, scene, body = self.run, self.scene, self.run.body
         name, unit = scene.workpiece_name, "N_per_mm" if scene.geometry == "plane_strain" else "N"
@@ -97,13 +105,15 @@ class Recorder:
         row[f"volume_{name}_mm3"] = volume * copies
         row[f"volume_error_{name}"] = self.volume.error(volume)
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
-        row["max_effective_strain"] = self._maximum(state.history["effective_strain"])
+        for gathered, values in state.history.items():
+            row[f"max_{gathered}"] = self._maximum(values)
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
         for label, point in run.points.items():
             for axis, value in zip(scene.axes, point.value(run.nodes.x), strict=True):
                 row[f"{label}_{axis}_mm"] = float(value)
-            row[f"{label}_effective_strain"] = float(point.value(state.history["effective_strain"]))
+            for gathered, values in state.history.items():
+                row[f"{label}_{gathered}"] = float(point.value(values))
             row[f"{label}_mean_stress_MPa"] = float(point.value(body.workpiece.mean_stress))
             if scene.workpiece.temperature is not None:
                 row[f"{label}_temperature_degC"] = scene.workpiece.temperature
@@ -147,7 +157,7 @@ class Recorder:
         rate = np.maximum(state.flow.rate, float(w.rate0.value))
         temperature = run.body.temperature
         strain = state.history["effective_strain"]
-        data = {"velocity_mm_per_s": w.velocity, "effective_strain": strain,
+        data = {"velocity_mm_per_s": w.velocity, **state.history,
                 "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
                 "flow_stress_MPa": np.broadcast_to(w.law(strain, rate, temperature), strain.shape),
                 "contact_pressure_MPa": run.body.contact.nodal_pressure()}
@@ -196,7 +206,8 @@ class Recorder:
             "parts_built": self._parts(),
             "extents_mm": {scene.workpiece_name: {a: [float(lo), float(hi)] for a, lo, hi in
                                                   zip(scene.axes, low, high, strict=True)}},
-            "ledger": {"volume": self.volume.summary(), "power": self.power.summary()},
+            "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
+            ({"damage": self.damage.summary()} if self.damage is not None else {}),
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": 0,
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
@@ -208,7 +219,9 @@ class Recorder:
     def _parts(self) -> list[str]:
         w = self.run.body.workpiece
         friction = [f"friction {t.name}: {t.friction.law}" for t in self.run.body.tools if t.has_friction]
-        return [f"term {name}" for name in w.terms] + friction + [f"scheme {self.run.scheme.name}"]
+        law = self.scene.materials[self.scene.workpiece.material].damage
+        damage = [] if law is None else [f"damage {law.law}"]
+        return [f"term {name}" for name in w.terms] + friction + damage + [f"scheme {self.run.scheme.name}"]
 
     def _cells(self) -> int:
         topology = self.run.nodes.mesh.topology

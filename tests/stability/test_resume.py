@@ -53,10 +53,14 @@ def test_resumed_on_two_ranks_it_goes_on_too(whole_billet, tmp_path):
 
 @pytest.mark.parametrize("scheme", ["explicit", "etd2", "trapezoid"])
 def test_every_scheme_can_be_resumed(scheme, tmp_path):
-    """In plane strain between two tools; etd2 takes what it knows of the flow before along."""
-    changes = (f"steps.scheme='{scheme}'",)
+    """In plane strain between two tools, with damage; etd2 takes what it knows of the flow before along."""
+    changes = (f"steps.scheme='{scheme}'", "materials.lead.damage={ law = 'cockcroft_latham', critical = 0.001 }")
     whole = run(BLOCK, tmp_path / "whole", *changes).results
-    goes_on(whole, resumed(BLOCK, tmp_path, "stop.stroke='0.25 mm'", *changes))
+    again = resumed(BLOCK, tmp_path, "stop.stroke='0.25 mm'", *changes)
+    goes_on(whole, again)
+    assert again.history.rows[-1]["max_damage"] > 0.001
+    passed = [results.summary["ledger"]["damage"]["passed_at_step"] for results in (whole, again)]
+    assert passed[0] == passed[1]
 
 
 def test_resumed_cube_goes_on(tmp_path):
