@@ -23,21 +23,22 @@ class Curve:
     Attributes
     ----------
     length : mm
+    nodes : (2 k + 1,) numbers of its old nodes in the body
     s : (k,) arc lengths of its samples, the ends included
     """
 
     def __init__(self, chain: Chain):
-        self.label = chain.label
-        self._nodes = np.concatenate([[0.0], np.cumsum(_half_lengths(chain.points))])
-        self.length = float(self._nodes[-1])
-        if not (np.diff(self._nodes) > 0.0).all():
-            place = ", ".join(f"{c:.6g}" for c in chain.points[np.argmin(np.diff(self._nodes))])
+        self.label, self.nodes = chain.label, chain.nodes
+        self._knots = np.concatenate([[0.0], np.cumsum(_half_lengths(chain.points))])
+        self.length = float(self._knots[-1])
+        if not (np.diff(self._knots) > 0.0).all():
+            place = ", ".join(f"{c:.6g}" for c in chain.points[np.argmin(np.diff(self._knots))])
             raise MeshError(f"a boundary side at ({place}) mm has no length")
         self._ends = chain.points[[0, -1]]
         self._spline = None if _straight(chain.points, self.length) else CubicSpline(
-            self._nodes, chain.points, bc_type="periodic" if chain.closed else "not-a-knot")
+            self._knots, chain.points, bc_type="periodic" if chain.closed else "not-a-knot")
         fractions = np.arange(SAMPLES) / SAMPLES
-        self.s = np.append((self._nodes[:-1, None] + np.diff(self._nodes)[:, None] * fractions).ravel(), self.length)
+        self.s = np.append((self._knots[:-1, None] + np.diff(self._knots)[:, None] * fractions).ravel(), self.length)
 
     def at(self, s: np.ndarray) -> np.ndarray:
         """Points at arc lengths, (k, 2)."""
@@ -59,12 +60,16 @@ class Curve:
         """At the samples, 1/mm: the turn over the side before and the side after, so that kinks are spread."""
         if self._spline is None:
             return np.zeros(len(self.s))
-        vertices = self._nodes[::2]
+        vertices = self._knots[::2]
         t = self.tangents(vertices)
         turn = np.concatenate([[0.0], np.cumsum(angle_between(t[:-1], t[1:]))])
         reach = np.diff(vertices)[np.clip(np.searchsorted(vertices, self.s, "right") - 1, 0, len(vertices) - 2)]
         low, high = np.maximum(self.s - reach / 2, 0.0), np.minimum(self.s + reach / 2, self.length)
         return np.abs(np.interp(high, vertices, turn) - np.interp(low, vertices, turn)) / (high - low)
+
+    def interpolate(self, nodal: np.ndarray) -> np.ndarray:
+        """Values at the samples from those at the vertices of the old body: (n,) in, of which its own count."""
+        return np.interp(self.s, self._knots[::2], nodal[self.nodes[::2]])
 
     def divide(self, h: np.ndarray, least: int) -> np.ndarray:
         """Arc lengths of the vertices of new sides, (n + 1,): as many as the wanted lengths h at the samples ask."""

@@ -6,7 +6,8 @@ import numpy as np
 
 from ..meshing import gmsh_model
 from . import mmg
-from .resampling import GROWTH, Outline
+from .gradation import edges_of, over_mesh
+from .resampling import Outline
 
 PASSES = 4
 MISFIT = (0.6, 1.7)       # of the length of an edge over the wanted one
@@ -27,28 +28,15 @@ def fill(outline: Outline, sizes, engine: str) -> tuple[np.ndarray, np.ndarray, 
     one_pass = {"mmg": mmg.plane, "gmsh": gmsh_plane}[engine]
     x, triangles, sides = _checked(outline, one_pass(outline.points, outline.sides, outline.size))
     for _ in range(PASSES - 1):
-        edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-        length = np.linalg.norm(np.diff(x[edges], axis=1)[:, 0], axis=1)
+        edges, length = edges_of(x, triangles)
         wanted = np.asarray(sizes(x), dtype=float).copy()
         wanted[sides[:, 0]] = outline.size[outline.sides[:, 0]]
-        wanted = _graded(wanted, edges, length)
+        wanted = over_mesh(wanted, edges, length)
         ratio = length / wanted[edges].mean(axis=1)
         if np.mean((ratio < MISFIT[0]) | (ratio > MISFIT[1])) <= FEW:
             break
         x, triangles, sides = _checked(outline, one_pass(x, sides, wanted, triangles))
     return x, triangles, sides
-
-
-def _graded(size: np.ndarray, edges: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """The largest sizes below the given ones that change by GROWTH per distance along the edges."""
-    while True:
-        step = GROWTH * length
-        least = size.copy()
-        np.minimum.at(least, edges[:, 0], size[edges[:, 1]] + step)
-        np.minimum.at(least, edges[:, 1], size[edges[:, 0]] + step)
-        if (least >= size * (1 - 1e-3)).all():
-            return least
-        size = least
 
 
 def _checked(outline: Outline, found):

@@ -19,11 +19,13 @@ class Chain:
     Attributes
     ----------
     points : (2 k + 1, 2) vertices and mid-nodes of its k sides in turn, body on the left, mm
+    nodes : (2 k + 1,) their numbers in the body
     label : of all its sides
     closed : it is a whole loop without any feature
     """
 
     points: np.ndarray
+    nodes: np.ndarray
     label: int
     closed: bool
 
@@ -86,7 +88,7 @@ def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: 
     for begin, beyond in zip(first, np.append(first[1:], first[0] + len(sides)), strict=True):
         run = sides[np.arange(begin, beyond) % len(sides)]
         nodes = np.append(run[:, [0, 2]].ravel(), run[-1, 1])
-        chains.append(Chain(x[nodes], int(labels[begin]), closed))
+        chains.append(Chain(x[nodes], nodes, int(labels[begin]), closed))
     return chains
 
 

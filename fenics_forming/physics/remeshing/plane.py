@@ -8,30 +8,72 @@ from ...errors import MeshError
 from ..meshing import split_corner_cells
 from . import mmg
 from .body_arrays import BodyArrays, Remeshed, boundary_sides, keys
+from .corner_cells import turned
 from .curve import Curve
 from .filling import fill
+from .gradation import edges_of, over_mesh
 from .outline import loops
-from .resampling import Outline, resample
+from .quality import scaled_jacobian
+from .resampling import Boundary, Outline
 
-FINER = (1.0, 1.5, 2.5)      # sides of the boundary where the engines fail: a coarser one may cut itself
+ATTEMPTS = 4         # with finer and finer sides where the one before failed
+FLATTEST = 0.25      # scaled Jacobian of a cell behind a curved side; below, the side is halved
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float,
            engine: str) -> Remeshed:
-    """See `fenics_forming.physics.remeshing.remesh`."""
+    """See `fenics_forming.physics.remeshing.remesh`.
+
+    Where an engine fails, a boundary of coarse sides may cut itself: the next attempt has finer ones. Where a cell
+    has no room for the curve of its side, only that side gets finer.
+    """
     curves = [[Curve(chain) for chain in loop] for loop in loops(body, labels, corner_angle)]
-    reasons = []
-    for finer in FINER:
-        outline = resample(curves, sizes, chord, finer)
-        for name in _engines(engine):
-            try:
-                x, triangles, sides = fill(outline, sizes, name)
-            except RuntimeError as error:
-                reasons.append(f"{name}: {error}")
-                continue
-            return _order_two(x, triangles, sides, outline, name)
-    raise MeshError(f"the body could not be meshed anew ({'; '.join(dict.fromkeys(reasons))}); "
-                    "its boundary may cross itself")
+    boundary = Boundary(curves, sizes, _around(body, sizes), chord)
+    best, room, reasons = None, 0.0, []
+    for _ in range(ATTEMPTS):
+        outline = boundary.resample()
+        found = _filled(outline, sizes, engine, reasons)
+        if found is None:
+            if best is not None:
+                break
+            boundary.refine()
+            continue
+        new, spans, least = found
+        if least > room:
+            best, room = new, least
+        if least >= FLATTEST:
+            break
+        boundary.refine(spans)
+    if best is None:
+        raise MeshError(f"the body could not be meshed anew ({'; '.join(dict.fromkeys(reasons))}); "
+                        "its boundary may cross itself")
+    return best
+
+
+def _around(body: BodyArrays, sizes) -> np.ndarray:
+    """Wanted sizes at the vertices of the old mesh, small also near by where they are small; (n,), infinite elsewhere.
+
+    A coarse side next to small cells would be the base of flat ones.
+    """
+    triangles = body.cells[:, :3]
+    size, vertices = np.full(len(body.x), np.inf), np.unique(triangles)
+    size[vertices] = sizes(body.x[vertices])
+    return over_mesh(size, *edges_of(body.x, triangles))
+
+
+def _filled(outline: Outline, sizes, engine: str, reasons: list[str]) -> tuple[Remeshed, np.ndarray, float] | None:
+    """The first mesh that an engine gives, the spans of the sides at cells without room, the least scaled Jacobian."""
+    for name in _engines(engine):
+        try:
+            x, triangles, sides = fill(outline, sizes, name)
+        except RuntimeError as error:
+            reasons.append(f"{name}: {error}")
+            continue
+        new = _order_two(x, turned(x, triangles, sides), sides, outline, name)
+        room = scaled_jacobian(new.x, new.cells)
+        near = np.isin(sides, new.cells[room < FLATTEST]).any(axis=1)
+        return new, outline.spans[near], float(room.min())
+    return None
 
 
 def _engines(engine: str) -> list[str]:

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .curve import Curve
+from .gradation import around_loop
 
 LARGEST_TURN = np.radians(45.0)    # of one side: a parabola follows that, and the cells behind it stay valid
-GROWTH = 0.3                       # of the size, per distance
 SMALLEST = 0.1                     # of the wanted size: curvature and thin walls refine no further
 NEAR = 6.0                         # two walls bound a thin part where the way around is so much longer than across
 
@@ -22,15 +22,17 @@ class Outline:
     Attributes
     ----------
     points : (n, 2) vertices, mm
-    sides : (n, 2) the vertices of each side, body on the left
+    sides : (n, 2) the vertices of each side, body on the left; those of a loop in turn
     middles : (n, 2) mid-nodes of the sides, mm
     labels : (n,)
+    spans : (n, 2) arc lengths of the ends of each side along its loop, all loops one after the other, mm
     """
 
     points: np.ndarray
     sides: np.ndarray
     middles: np.ndarray
     labels: np.ndarray
+    spans: np.ndarray
 
     @property
     def size(self) -> np.ndarray:
@@ -45,72 +47,94 @@ class Outline:
         return 0.5 * float((ax * by - bx * ay).sum())
 
 
-def resample(loops: list[list[Curve]], sizes, chord: float | None, finer: float = 1.0) -> Outline:
-    """New vertices and mid-nodes on the curves of each loop.
+class Boundary:
+    """The loops of curves of a body and the lengths of sides that are wanted along them.
 
     The length h of the sides at a point of the boundary is the least of the wanted size, √(8 δ/κ) with the chord
     distance δ and the curvature κ, 45°/κ, the distance to the wall across a thin part, and the length of the run
-    between two features; it grows by at most 0.3 per distance. A run has one side at least.
+    between two features; it grows by at most 0.3 per distance.
+
+    Parameters
+    ----------
+    sizes : callable, wanted sizes at points
+    around : (n,) wanted size at the vertices of the old body, no larger than what is small near by allows
+
+    Attributes
+    ----------
+    h : (k,) wanted lengths at the samples of all curves in turn, mm
     """
-    wanted = _wanted(loops, sizes, chord)
-    parts, first = [], 0
-    for loop, h in zip(loops, wanted, strict=True):
-        least = -(-3 // len(loop))         # a loop is a triangle at least
-        points, middles, labels = [], [], []
-        for curve, own in zip(loop, np.split(h, np.cumsum([len(c.s) for c in loop])[:-1]), strict=True):
-            s = curve.divide(own / finer, least)
-            points.append(curve.at(s)[:-1])
-            middles.append(curve.at(0.5 * (s[1:] + s[:-1])))
-            labels.append(np.full(len(s) - 1, curve.label))
-        points = np.concatenate(points)
-        number = np.arange(len(points))
-        parts.append((points, np.stack([number, np.roll(number, -1)], axis=1) + first, np.concatenate(middles),
-                      np.concatenate(labels)))
-        first += len(points)
-    return Outline(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
+    def __init__(self, loops: list[list[Curve]], sizes, around: np.ndarray, chord: float | None):
+        self.curves = [curve for loop in loops for curve in loop]
+        self._loop = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])    # of each curve
+        self._starts = np.concatenate([[0.0], np.cumsum([c.length for c in self.curves])])
+        count = [len(c.s) for c in self.curves]
+        self._cuts = np.cumsum(count)[:-1]
+        self._loop_of_sample = np.repeat(self._loop, count)
+        self._s = np.concatenate([c.s + at for c, at in zip(self.curves, self._starts, strict=False)])
+        self._limits = self._starts[np.searchsorted(self._loop, np.arange(len(loops) + 1))]    # of the loops
+        self.h = self._graded(self._wanted(sizes, around, chord))
 
-def _wanted(loops, sizes, chord) -> list[np.ndarray]:
-    """Wanted length of the sides at the samples of each loop, mm."""
-    way = [np.concatenate([[0.0], np.cumsum([c.length for c in loop])]) for loop in loops]
-    s = [np.concatenate([c.s + at for c, at in zip(loop, w[:-1], strict=True)])
-         for loop, w in zip(loops, way, strict=True)]
-    points = np.concatenate([c.at(c.s) for loop in loops for c in loop])
-    asked = np.asarray(sizes(points), dtype=float)
-    curvature = np.concatenate([c.curvature() for loop in loops for c in loop])
-    with np.errstate(divide="ignore"):
-        h = LARGEST_TURN / curvature
-        if chord is not None:
-            h = np.minimum(h, np.sqrt(8.0 * chord / curvature))
-    h = np.minimum(h, np.concatenate([np.full(len(c.s), c.length) for loop in loops for c in loop]))
-    h = np.minimum(h, _thickness(loops, s, way, points, asked.max()))
-    h = np.clip(h, SMALLEST * asked, asked)
-    cuts = np.cumsum([len(part) for part in s])[:-1]
-    return [_graded(part, own, float(w[-1])) for part, own, w in zip(s, np.split(h, cuts), way, strict=True)]
+    def resample(self) -> Outline:
+        """New vertices and mid-nodes on the curves, one side on each at least."""
+        least = -(-3 // np.bincount(self._loop))[self._loop]         # a loop is a triangle at least
+        ways = [curve.divide(h, n) for curve, h, n in zip(self.curves, np.split(self.h, self._cuts), least, strict=True)]
+        number = np.arange(sum(len(s) - 1 for s in ways))
+        loop = np.repeat(self._loop, [len(s) - 1 for s in ways])
+        following = number + 1
+        first = np.searchsorted(loop, np.arange(loop[-1] + 1))
+        following[np.append(first[1:], len(number)) - 1] = first
+        return Outline(
+            points=np.concatenate([c.at(s)[:-1] for c, s in zip(self.curves, ways, strict=True)]),
+            sides=np.stack([number, following], axis=1),
+            middles=np.concatenate([c.at(0.5 * (s[1:] + s[:-1])) for c, s in zip(self.curves, ways, strict=True)]),
+            labels=np.concatenate([np.full(len(s) - 1, c.label) for c, s in zip(self.curves, ways, strict=True)]),
+            spans=np.concatenate([np.stack([s[:-1], s[1:]], axis=1) + at
+                                  for s, at in zip(ways, self._starts, strict=False)]))
 
+    def refine(self, spans: np.ndarray | None = None) -> None:
+        """Halve the lengths on some sides (their spans), or on all; changes ``h``."""
+        inside = np.ones(len(self.h), dtype=bool)
+        if spans is not None:
+            spans = spans[np.argsort(spans[:, 0])]
+            k = np.searchsorted(spans[:, 0], self._s, "right") - 1
+            inside = (k >= 0) & (self._s <= spans[np.maximum(k, 0), 1])
+        self.h = self._graded(np.where(inside, 0.5 * self.h, self.h))
 
-def _graded(s: np.ndarray, h: np.ndarray, length: float) -> np.ndarray:
-    """The largest lengths below h that change by GROWTH per distance along a closed loop."""
-    around = np.concatenate([s - length, s, s + length])
-    h = np.tile(h, 3)
-    up = np.minimum.accumulate(h - GROWTH * around) + GROWTH * around
-    down = (np.minimum.accumulate((h + GROWTH * around)[::-1]) - GROWTH * around[::-1])[::-1]
-    return np.minimum(up, down)[len(s):2 * len(s)]
+    def _wanted(self, sizes, around, chord: float | None) -> np.ndarray:
+        points = np.concatenate([c.at(c.s) for c in self.curves])
+        asked = np.minimum(np.asarray(sizes(points), dtype=float),
+                           np.concatenate([c.interpolate(around) for c in self.curves]))
+        curvature = np.concatenate([c.curvature() for c in self.curves])
+        with np.errstate(divide="ignore"):
+            h = LARGEST_TURN / curvature
+            if chord is not None:
+                h = np.minimum(h, np.sqrt(8.0 * chord / curvature))
+        h = np.minimum(h, np.concatenate([np.full(len(c.s), c.length) for c in self.curves]))
+        h = np.minimum(h, self._thickness(points, min(float(asked.max()), 0.5 * float(np.ptp(points, axis=0).max()))))
+        return np.clip(h, SMALLEST * asked, asked)
 
+    def _graded(self, h: np.ndarray) -> np.ndarray:
+        """The same, growing along each loop at the rate of the sizes."""
+        out = np.empty_like(h)
+        for k, length in enumerate(np.diff(self._limits)):
+            own = self._loop_of_sample == k
+            out[own] = around_loop(h[own], self._s[own], length)
+        return out
 
-def _thickness(loops, s, way, points, reach: float) -> np.ndarray:
-    """Distance to the wall opposite, across the body, at the samples; infinite where it is far, mm."""
-    inward = np.concatenate([c.tangents(c.s) for loop in loops for c in loop])[:, ::-1] * [-1.0, 1.0]
-    loop = np.repeat(np.arange(len(loops)), [len(part) for part in s])
-    along, around = np.concatenate(s), np.array([w[-1] for w in way])[loop]
-    i, j = cKDTree(points[::2]).query_pairs(reach, output_type="ndarray").T * 2
-    i, j = np.append(i, j), np.append(j, i)
-    gap = points[j] - points[i]
-    distance = np.linalg.norm(gap, axis=1)
-    apart = np.abs(along[j] - along[i])
-    apart = np.where(loop[i] == loop[j], np.minimum(apart, around[i] - apart), np.inf)
-    across = ((apart > NEAR * distance) & ((gap * inward[i]).sum(axis=1) > 0.7 * distance)
-              & ((inward[i] * inward[j]).sum(axis=1) < -0.7))
-    thickness = np.full(len(points), np.inf)
-    np.minimum.at(thickness, i[across], distance[across])
-    return thickness
+    def _thickness(self, points: np.ndarray, reach: float) -> np.ndarray:
+        """Distance to the wall opposite, across the body, at the samples; infinite where it is far, mm."""
+        inward = np.concatenate([c.tangents(c.s) for c in self.curves])[:, ::-1] * [-1.0, 1.0]
+        around = np.diff(self._limits)[self._loop_of_sample]
+        i, j = 2 * cKDTree(points[::2]).query_pairs(reach, output_type="ndarray").T
+        i, j = np.append(i, j), np.append(j, i)
+        gap = points[j] - points[i]
+        distance = np.linalg.norm(gap, axis=1)
+        apart = np.abs(self._s[j] - self._s[i])
+        apart = np.where(self._loop_of_sample[i] == self._loop_of_sample[j],
+                         np.minimum(apart, around[i] - apart), np.inf)
+        across = ((apart > NEAR * distance) & ((gap * inward[i]).sum(axis=1) > 0.7 * distance)
+                  & ((inward[i] * inward[j]).sum(axis=1) < -0.7))
+        thickness = np.full(len(points), np.inf)
+        np.minimum.at(thickness, i[across], distance[across])
+        return thickness

@@ -1,0 +1,55 @@
+"""Triangles with two sides on the boundary, without cutting them where the diagonal can be turned instead.
+
+Cut at its centre, as `meshing.split_corner_cells` does, the triangle of a right corner leaves cells with radius
+ratios near 0.2; the other diagonal of the quadrangle that it forms with its neighbour often leaves better ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .body_arrays import keys
+from .quality import radius_ratio
+
+
+def turned(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """The triangles with the diagonal behind a corner turned wherever that beats cutting the corner's triangle.
+
+    x : (n, 2); triangles : (m, 3), counter-clockwise; sides : (f, 2) vertices of the boundary
+    """
+    edges = np.stack([np.roll(triangles, -1 - k, axis=1)[:, :2] for k in range(3)], axis=1)   # opposite to vertex k
+    key = keys(edges.reshape(-1, 2), len(x)).reshape(-1, 3)
+    outside = np.isin(key, keys(sides, len(x)))
+    cell = np.flatnonzero(outside.sum(axis=1) == 2)
+    inner = np.argmin(outside[cell], axis=1)
+    corner, (a, b) = triangles[cell, inner], edges[cell, inner].T
+
+    # the neighbour across the inner edge, and its vertex opposite
+    flat = np.where(np.isin(np.arange(len(triangles)), cell)[:, None], -1, key).ravel()
+    order = np.argsort(flat, kind="stable")
+    found = order[np.minimum(np.searchsorted(flat[order], key[cell, inner]), len(order) - 1)]
+    neighbour, opposite = np.divmod(found, 3)
+    far = triangles[neighbour, opposite]
+    usable = (flat[found] == key[cell, inner]) & ~outside[neighbour].any(axis=1)
+    usable &= np.bincount(neighbour, minlength=len(triangles))[neighbour] == 1
+
+    turned_pair = np.stack([np.stack([corner, a, far], axis=1), np.stack([corner, far, b], axis=1)], axis=1)
+    better = usable & (_worst(x, turned_pair) > _worst_if_cut(x, triangles[cell]))
+    triangles = triangles.copy()
+    triangles[cell[better]], triangles[neighbour[better]] = turned_pair[better, 0], turned_pair[better, 1]
+    return triangles
+
+
+def _worst(x: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Smallest radius ratio of each group of triangles (k, g, 3); negative where one is turned over."""
+    flat = groups.reshape(-1, 3)
+    p = x[flat]
+    e, f = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    sign = np.sign(e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
+    return (sign * radius_ratio(x, flat)).reshape(groups.shape[:2]).min(axis=1)
+
+
+def _worst_if_cut(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    centre = len(x) + np.arange(len(triangles))
+    parts = np.stack([np.where(np.arange(3) == k, centre[:, None], triangles) for k in range(3)], axis=1)
+    return _worst(np.concatenate([x, x[triangles].mean(axis=1)]), parts)

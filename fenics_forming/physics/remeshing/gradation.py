@@ -1,0 +1,35 @@
+"""Sizes that grow by no more than a share of the distance from where they are small."""
+
+from __future__ import annotations
+
+import numpy as np
+
+GROWTH = 0.3              # of the size, per distance
+ENOUGH = 1e-3             # of a size: what another sweep would take off
+
+
+def over_mesh(size: np.ndarray, edges: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """The largest sizes (n,) below the given ones that grow by at most GROWTH per length of the edges (e, 2)."""
+    step = GROWTH * length
+    while True:
+        least = size.copy()
+        np.minimum.at(least, edges[:, 0], size[edges[:, 1]] + step)
+        np.minimum.at(least, edges[:, 1], size[edges[:, 0]] + step)
+        if (least >= size * (1 - ENOUGH)).all():
+            return least
+        size = least
+
+
+def around_loop(size: np.ndarray, s: np.ndarray, length: float) -> np.ndarray:
+    """The same at the places s along a closed loop of the given length, in order."""
+    way, wanted = np.concatenate([s - length, s, s + length]), np.tile(size, 3)
+    up = np.minimum.accumulate(wanted - GROWTH * way) + GROWTH * way
+    down = (np.minimum.accumulate((wanted + GROWTH * way)[::-1]) - GROWTH * way[::-1])[::-1]
+    return np.minimum(up, down)[len(s):2 * len(s)]
+
+
+def edges_of(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (e, 2) of triangles and their lengths (e,)."""
+    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    a, b = np.divmod(np.unique(ends[:, 0] * len(x) + ends[:, 1]), len(x))
+    return np.stack([a, b], axis=1), np.linalg.norm(x[b] - x[a], axis=1)
