@@ -10,12 +10,12 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from .errors import ConvergenceError
+from .errors import ConvergenceError, SceneError
 from .physics.bodies import body_mesh
 from .physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .physics.nodes import Nodes
 from .physics.tools import known_tools
-from .physics.tracking import MaterialPoint
+from .physics.tracking import MaterialPoints
 from .process.integration import SCHEMES, Flow, StepEnd
 from .process.placing import flowing_body, mirror_planes
 from .process.timestep import Adaptivity, Limit, StepChoice
@@ -66,7 +66,7 @@ class Simulation:
             {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
         self.body = flowing_body(scene, mesh, tools, self.mirrors)
         self.scheme = SCHEMES[scene.scheme]()
-        self.points = self._tracked()
+        self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
@@ -77,10 +77,15 @@ class Simulation:
         return self.body.nodes
 
     # ------------------------------------------------------------------ building
-    def _tracked(self) -> dict[str, MaterialPoint]:
-        if self._saved is None:
-            return {name: MaterialPoint(self.nodes, p.at) for name, p in self.scene.points.items()}
-        return {name: MaterialPoint(self.nodes, at) for name, at in self._saved.scalars["points"].items()}
+    def _followed(self, group: str, at_start: dict[str, np.ndarray]) -> MaterialPoints | None:
+        """Material points of a table of the scene; None where it names none."""
+        if not at_start:
+            return None
+        saved = at_start if self._saved is None else self._saved.scalars[group]
+        missing = [name for name in at_start if name not in saved]
+        if missing:
+            raise SceneError("the checkpoint does not follow it; resume without it", key=f"{group}.{missing[0]}")
+        return MaterialPoints(self.nodes, {name: saved[name] for name in at_start})
 
     def _steps(self) -> StepChoice:
         scene = self.scene
@@ -308,7 +313,7 @@ class Simulation:
         save_checkpoint(path, self.nodes, scalars={
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
-            "points": {name: [float(c) for c in p.value(self.nodes.x)] for name, p in self.points.items()},
+            "points": _listed(self.points),
             "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers},
@@ -317,6 +322,10 @@ class Simulation:
                    **{f"scheme.{name}": values for name, values in remembered.items()}},
             cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
             facetwise=contact.memory(), facets=contact.facets)
+
+
+def _listed(points: MaterialPoints | None) -> dict[str, list]:
+    return {} if points is None else {name: places.tolist() for name, places in points.places.items()}
 
 
 def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm=MPI.COMM_WORLD) -> Results:

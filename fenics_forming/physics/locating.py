@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from .nodes import EDGES, quadratic_shapes
 
@@ -69,7 +68,7 @@ class Locator:
         self.gradients, volumes = _inverse(corners[:, 1:] - corners[:, :1])
         self.weights = np.abs(volumes)
         self._centroids = corners.mean(axis=1)
-        self._tree = cKDTree(self._centroids)
+        self._tree = _tree(self._centroids)
 
     @cached_property
     def neighbours(self) -> np.ndarray:
@@ -197,7 +196,7 @@ class Locator:
         """Cells and sides of the boundary facets, (f,) each, and a search tree of their straight centres."""
         cells, sides = np.nonzero(self.neighbours < 0)
         whole = self.x[self.vertices[cells]].sum(axis=1) - self.x[self.vertices[cells, sides]]
-        return cells, sides, cKDTree(whole / self.dim)
+        return cells, sides, _tree(whole / self.dim)
 
     def _nearest_facet(self, points, found, rows):
         """What was found with, for the points ``rows``, the nearest place on the boundary facets around them."""
@@ -244,6 +243,11 @@ class Locator:
             inner[rows, free[:, 0]] -= step.sum(axis=1)
             inner = convex(inner)
         return inner
+
+
+def _tree(points):
+    from scipy.spatial import cKDTree  # a tenth of a second, which a run that searches nothing saves
+    return cKDTree(points)
 
 
 def convex(inner: np.ndarray) -> np.ndarray:

@@ -109,12 +109,18 @@ class Recorder:
             row[f"max_{gathered}"] = self._maximum(values)
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
-        for label, point in run.points.items():
-            for axis, value in zip(scene.axes, point.value(run.nodes.x), strict=True):
-                row[f"{label}_{axis}_mm"] = float(value)
-            for gathered, values in state.history.items():
-                row[f"{label}_{gathered}"] = float(point.value(values))
-            row[f"{label}_mean_stress_MPa"] = float(point.value(body.workpiece.mean_stress))
+        if run.points is not None:
+            row |= self._tracked(state)
+        return row
+
+    def _tracked(self, state) -> dict[str, float]:
+        """Places and state of the tracked points, for the row."""
+        run, scene = self.run, self.scene
+        nodal = np.column_stack([run.nodes.x, *state.history.values(), run.body.workpiece.mean_stress])
+        columns = [*(f"{axis}_mm" for axis in scene.axes), *state.history, "mean_stress_MPa"]
+        row = {}
+        for label, (values,) in run.points.values(nodal).items():
+            row |= {f"{label}_{column}": float(value) for column, value in zip(columns, values, strict=True)}
             if scene.workpiece.temperature is not None:
                 row[f"{label}_temperature_degC"] = scene.workpiece.temperature
         return row

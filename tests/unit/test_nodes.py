@@ -1,4 +1,4 @@
-"""A mesh seen by its nodes: averages, reductions, orientation, splitting of corner cells, material points."""
+"""A mesh seen by its nodes: averages, reductions, orientation, splitting of corner cells."""
 
 import subprocess
 import sys
@@ -14,7 +14,6 @@ from mpi4py import MPI
 
 from fenics_forming import meshing
 from fenics_forming.physics.nodes import EDGES, Nodes
-from fenics_forming.physics.tracking import MaterialPoint
 from fenics_forming.physics.workpiece import facet_nodes
 
 ALONE = MPI.COMM_SELF
@@ -228,65 +227,11 @@ def test_mesh_without_corner_cells_is_left_alone():
     assert twice[0] is once[0] and twice[1] is once[1]
 
 
-# ---------------------------------------------------------------------- material points
-PLACES = {2: {"inside": (0.9, 0.37), "corner": (2, 1), "side": (0.61, 0), "vertex": (2 / 3, 1 / 3), "edge": (1 / 3, 0)},
-          3: {"inside": (0.9, 0.37, 0.21), "corner": (2, 1, 1), "face": (0.61, 0, 0.3), "vertex": (2 / 3, 1 / 3, 1 / 3),
-              "edge": (1 / 3, 0, 0)}}
-
-
-@pytest.mark.parametrize(("dim", "place"), [(d, p) for d, places in PLACES.items() for p in places])
-def test_material_point_stays_on_the_material(dim, place):
-    """Found where it was asked for; after a map that P2 carries exactly it is where the map takes it."""
-    at = np.array(PLACES[dim][place], float)
-    nodes = regular(dim)
-    point = MaterialPoint(nodes, at)
-    assert point.distance < 1e-14
-    assert point.value(nodes.x) == pytest.approx(at, abs=1e-14)
-    nodes.x[:] = quadratic_map(nodes.x)
-    assert point.value(nodes.x) == pytest.approx(quadratic_map(at[None])[0], abs=1e-14)
-    assert point.value(nodes.x[:, 0] ** 1) == pytest.approx(quadratic_map(at[None])[0, 0], abs=1e-14)
-
-
-@DIMENSIONS
-def test_material_point_is_found_in_a_curved_mesh(dim):
-    """The inverse of the quadratic cell map, by Newton: many places, also next to curved sides."""
-    nodes = regular(dim)
-    before = np.random.default_rng(4).uniform(0, 1, (40, dim)) * ([2.0] + [1.0] * (dim - 1))
-    before[:10, -1] = 1.0
-    nodes.x[:] = quadratic_map(nodes.x)
-    for at in quadratic_map(before):
-        point = MaterialPoint(nodes, at)
-        assert point.value(nodes.x) == pytest.approx(at, abs=1e-10)
-
-
-def test_point_on_the_true_circle_takes_the_nearest_place_of_its_curved_side():
-    """The sides of quadratic cells lie up to h⁴ beside the circle: the point is drawn onto them, no farther."""
-    nodes = Nodes(meshing.rectangle((0.5, 0), (1, np.pi / 2), (2, 4)))
-    r, turn = nodes.x.T.copy()
-    nodes.x[:] = np.stack([r * np.cos(turn), r * np.sin(turn)], axis=1)
-    off = []
-    for angle in np.linspace(0.05, 1.5, 13):
-        at = np.array([np.cos(angle), np.sin(angle)])
-        point = MaterialPoint(nodes, at)
-        off.append(point.distance)
-        assert np.linalg.norm(point.value(nodes.x) - at) == pytest.approx(point.distance, abs=1e-15)
-    # four sides of 22.5 degrees: (h/2)^4/... = 2e-4 of the radius at most
-    assert 1e-6 < max(off) < 5e-4
-
-
-def test_point_just_outside_a_flat_side_lands_at_its_foot():
-    nodes = regular(2)
-    point = MaterialPoint(nodes, (0.61, -1e-3))
-    assert point.distance == pytest.approx(1e-3, rel=0.5)
-    assert point.value(nodes.x) == pytest.approx([0.61, 0], abs=1e-3)
-
-
 TWO_RANKS = """
     import numpy as np
     from fenics_forming import meshing
     from fenics_forming.physics.nodes import Nodes
     from fenics_forming.physics.parallel import highest, lowest, total
-    from fenics_forming.physics.tracking import MaterialPoint
     for dim in (2, 3):
         n = 4
         mesh = meshing.rectangle((0, 0), (2, 1), (n, n)) if dim == 2 else meshing.box((0, 0, 0), (2, 1, 1), (n, n, n))
@@ -304,13 +249,11 @@ TWO_RANKS = """
         rank = nodes.comm.rank
         assert (lowest(nodes.comm, rank), highest(nodes.comm, rank), total(nodes.comm, 1)) == (0, 1, 2)
         assert (total(nodes.comm, np.array([1.0, rank])) == [2, 1]).all()
-        for at in ((0.1,) * dim, (1.9,) * 1 + (0.9,) * (dim - 1), (1.0,) + (0.5,) * (dim - 1)):
-            assert np.abs(MaterialPoint(nodes, at).value(nodes.x) - at).max() < 1e-13
 """
 
 
 @pytest.mark.mpi
-def test_averages_reductions_and_points_are_the_same_on_two_ranks(tmp_path):
+def test_averages_and_reductions_are_the_same_on_two_ranks(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(textwrap.dedent(TWO_RANKS))
     run = subprocess.run(["mpirun", "-n", "2", sys.executable, script], capture_output=True, text=True, timeout=120)

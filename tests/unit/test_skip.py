@@ -117,8 +117,8 @@ def test_scene_without_points_tracks_none(monkeypatch):
     from fenics_forming.physics import tracking
 
     searched = []
-    original = tracking._locate
-    monkeypatch.setattr(tracking, "_locate", lambda nodes, at: searched.append(at) or original(nodes, at))
+    original = tracking.Locator
+    monkeypatch.setattr(tracking, "Locator", lambda x, cells: searched.append(x) or original(x, cells))
     none = simulate(upsetting())
     assert not searched
     one = simulate(upsetting(points={"p": scene.TrackedPoint(body="billet", at=(0, 5))}))
@@ -172,8 +172,9 @@ SCENE = """
                                   "matplotlib", "meshio", "rich", "fenics_forming.physics", "fenics_forming.results",
                                   "fenics_forming.simulation")}
     results = ff.simulate(read)
-    answer["run"] = loaded("pyvista", "vtk", "matplotlib", "meshio", "rich", "fenics_forming.physics.contact.bvh",
-                           "fenics_forming.physics.contact.triangulated", "fenics_forming.results.plotting3d")
+    answer["run"] = loaded("pyvista", "vtk", "matplotlib", "meshio", "rich", "scipy.spatial",
+                           "fenics_forming.physics.contact.bvh", "fenics_forming.physics.contact.triangulated",
+                           "fenics_forming.results.plotting3d")
     answer["dolfinx"] = "dolfinx" in sys.modules
     answer["steps"] = len(results.history)
     print(json.dumps(answer))
