@@ -30,6 +30,8 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
     MeshError
         in one sentence, when no engine could mesh the body.
     """
-    from . import plane
-
-    return plane.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine)
+    if body.dim == 2:
+        from . import plane as dimension
+    else:
+        from . import solid as dimension
+    return dimension.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine)

@@ -1,0 +1,107 @@
+"""A new mesh of order 2 for a solid body: a straight mesh by an engine, laid onto the old quadratic surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import MeshError
+from . import mmg
+from .body_arrays import FACETS, BodyArrays, Remeshed, boundary_sides, keys
+from .curving import raised, vertices_placed
+from .features import Features, find_features
+from .refill import refill
+from .straight import Straight, improve, one_side_each, oriented, volumes
+from .surface import OldSurface
+
+CHORD = 0.1             # of the mean size: distance allowed between straight sides and the surface unless given
+COUNT_SCALE = 1.15      # mmg cuts 1.4 to 1.6 times the cells that fill the volume with edges of this length: 1.15³
+REGULAR = 6 * 2**0.5    # regular cells of edge h in a volume h³
+COUNT_ERROR = 1.15      # ratio of the numbers of cells, made and wanted, beyond which mmg runs again
+RUNS = 2
+
+
+def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float,
+           engine: str) -> Remeshed:
+    """See `fenics_forming.physics.remeshing.remesh`."""
+    cells = oriented(body.x, body.cells[:, :4])
+    sides = _oriented_sides(body, cells)
+    features = find_features(body.x, sides, np.asarray(labels), corner_angle)
+    surface = OldSurface(body.x, sides, features)
+    mesh, name = _by_an_engine(_straight(body.x, cells, sides, features), surface, sizes, chord, engine)
+    mesh = vertices_placed(improve(one_side_each(mesh)), surface)
+    x, cells, mids, patch = raised(mesh, surface)
+    new = boundary_sides(cells, 3, x)
+    # a mid-node on a line belongs to two patches: the facet is found by its three
+    count = len(x)
+    order = np.argsort(keys(mids, count))
+    at = order[np.searchsorted(keys(mids, count)[order], keys(new[:, 3:], count))]
+    return Remeshed(x=x, cells=cells, labels=features.patch_labels[patch][at], engine=name)
+
+
+def _by_an_engine(old: Straight, surface: OldSurface, sizes, chord, engine: str) -> tuple[Straight, str]:
+    """The straight mesh with its boundary vertices on the old surface, and what made it."""
+    reasons = []
+    for name in _engines(engine):
+        try:
+            if name == "mmg":
+                made = _sized(old, surface, sizes, chord)
+            else:
+                made = vertices_placed(refill(old), surface)
+                if name != "gmsh":
+                    made = _sized(made, surface, sizes, chord)
+            return made, name
+        except RuntimeError as error:
+            reasons.append(f"{name}: {error}")
+    advice = "" if mmg.installed() else "; mmg repairs surfaces that gmsh cannot: pip install mmgpy"
+    raise MeshError(f"the body could not be meshed anew ({'; '.join(reasons)}); its surface may cross itself{advice}")
+
+
+def _engines(engine: str) -> list[str]:
+    with_mmg = ["mmg", "gmsh, then mmg"]
+    if engine == "auto":
+        return (with_mmg if mmg.installed() else []) + ["gmsh"]
+    return with_mmg if engine == "mmg" else ["gmsh"]
+
+
+def _sized(old: Straight, surface: OldSurface, sizes, chord) -> Straight:
+    """mmg, and mmg again with corrected sizes where the number of cells is not the wanted one."""
+    if volumes(old.x, old.cells).min() <= 0:
+        raise RuntimeError("cells are inside out")
+    scale = COUNT_SCALE
+    for _ in range(RUNS):
+        size = sizes(old.x)
+        new = mmg.solid(old, scale * size, chord or CHORD * float(size.mean()))
+        new = vertices_placed(new, surface)
+        ratio = len(new.cells) / _wanted(new, sizes)
+        if 1 / COUNT_ERROR < ratio < COUNT_ERROR:
+            break
+        old, scale = new, scale * ratio ** (1 / 3)
+    return new
+
+
+def _wanted(mesh: Straight, sizes) -> float:
+    """Number of cells of the wanted sizes in the volume of the body."""
+    density = REGULAR / sizes(mesh.x) ** 3
+    return float(volumes(mesh.x, mesh.cells) @ density[mesh.cells].mean(axis=1))
+
+
+def _straight(x: np.ndarray, cells: np.ndarray, sides: np.ndarray, features: Features) -> Straight:
+    """The vertices of a body of order 2, with its features."""
+    used = np.unique(cells)
+    number = np.full(len(x), -1)
+    number[used] = np.arange(len(used))
+    return Straight(x[used], number[cells], number[sides[:, :3]], features.patch, number[features.edges[:, :2]],
+                    features.line, number[features.corners])
+
+
+def _oriented_sides(body: BodyArrays, cells: np.ndarray) -> np.ndarray:
+    """``body.sides`` with their normals outwards also where a cell is inside out."""
+    sides, count = body.sides.copy(), len(body.x)
+    faces = cells[:, np.array(FACETS[3])].reshape(-1, 3)
+    key = keys(faces, count)
+    order = np.argsort(key, kind="stable")
+    own = faces[order[np.searchsorted(key[order], keys(sides[:, :3], count))]]
+    after = [np.take_along_axis(f, (f.argmin(axis=1)[:, None] + 1) % 3, axis=1) for f in (own, sides[:, :3])]
+    over = (after[0] != after[1])[:, 0]
+    sides[over] = sides[over][:, [1, 0, 2, 4, 3, 5]]
+    return sides

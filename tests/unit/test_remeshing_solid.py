@@ -1,0 +1,190 @@
+"""A solid body meshed anew: the same surface, the same labels, the wanted sizes, well-shaped cells."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_forming.errors import MeshError
+from fenics_forming.physics import meshing
+from fenics_forming.physics.nodes import Nodes
+from fenics_forming.physics.remeshing import BodyArrays, mmg, remesh
+from fenics_forming.physics.remeshing.quadratic import Curves, Facets
+from fenics_forming.physics.remeshing.straight import cell_edges, on_boundary, volumes
+
+needs_mmg = pytest.mark.skipif(not mmg.installed(), reason="mmgpy, an optional package, is not installed")
+ENGINES = [pytest.param("mmg", marks=needs_mmg), "gmsh"]
+
+
+def arrays(mesh):
+    nodes = Nodes(mesh)
+    return nodes.x.copy(), nodes.cells.astype(np.int64)
+
+
+def block(divisions):
+    """Unit cube in the numbering of dolfinx, whose cells have no common orientation."""
+    return arrays(meshing.box((0, 0, 0), (1, 1, 1), (divisions,) * 3, MPI.COMM_SELF))
+
+
+def quarter_cylinder(size):
+    """Radius 1, height 2, mirror planes x = 0 and y = 0."""
+    return arrays(meshing.generate(lambda gmsh: (gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 2, 1, angle=np.pi / 2),
+                                                 gmsh.model.occ.synchronize()), 3, size, comm=MPI.COMM_SELF))
+
+
+def upset(x, height, steps=100, bulge=0.5):
+    """The exact isochoric barrel: v_z = -(V/h)(z + b h/2pi sin(2 pi z/h)), v_r = -r/2 dv_z/dz, from h = 2."""
+    def velocity(x, h):
+        a = 2 * np.pi * x[:, 2] / h
+        return np.column_stack([x[:, :2] * ((1 + bulge * np.cos(a)) / 2 / h)[:, None],
+                                -(x[:, 2] + bulge * h / 2 / np.pi * np.sin(a)) / h])
+    x, d = x.copy(), (2 - height) / steps
+    for h in 2 - d * np.arange(steps):
+        k1 = velocity(x, h)
+        k2 = velocity(x + d / 2 * k1, h - d / 2)
+        k3 = velocity(x + d / 2 * k2, h - d / 2)
+        x += d / 6 * (k1 + 2 * k2 + 2 * k3 + velocity(x + d * k3, h - d))
+    return x
+
+
+def labelled(x, cells, places):
+    """The body, and its labels: of the first place on whose plane (axis, coordinate) all nodes of a side lie."""
+    body = BodyArrays(x, cells)
+    labels = np.zeros(len(body.sides), int)
+    for label, (axis, coordinate) in places.items():
+        labels[(abs(x[body.sides, axis] - coordinate) < 1e-9).all(axis=1)] = label
+    return body, labels
+
+
+def upset_cylinder(size, height=0.8):
+    x, cells = quarter_cylinder(size)
+    places = {1: (2, 2.0), 2: (2, 0.0), -1: (0, 0.0), -2: (1, 0.0)}
+    _, labels = labelled(x, cells, places)
+    x = upset(x, height)
+    for label, (axis, coordinate) in places.items():
+        nodes = np.unique(BodyArrays(x, cells).sides[labels == label])
+        x[nodes, axis] = height if label == 1 else coordinate
+    return BodyArrays(x, cells), labels
+
+
+def volume(body):
+    """Divergence theorem on the quadratic facets, exact for them: 1/3 ∫ x . n da, mm³."""
+    import basix
+
+    p, w = basix.make_quadrature(basix.CellType.triangle, 6)
+    element = basix.create_element(basix.ElementFamily.P, basix.CellType.triangle, 2, basix.LagrangeVariant.gll_warped)
+    n, u, v = np.einsum("dpa,fak->dfpk", element.tabulate(1, p)[:, :, :, 0], body.x[body.sides])
+    return float((np.einsum("fpk,fpk->fp", n, np.cross(u, v)) @ w).sum() / 3)
+
+
+def radius_ratio(body):
+    p = body.x[body.cells[:, :4]]
+    v = abs(volumes(body.x, body.cells))
+    areas = sum(np.linalg.norm(np.cross(p[:, b] - p[:, a], p[:, c] - p[:, a]), axis=1)
+                for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))) / 2
+    a, b, c = (np.linalg.norm(p[:, i] - p[:, j], axis=1) * np.linalg.norm(p[:, k] - p[:, m], axis=1)
+               for i, j, k, m in ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2)))
+    outer = np.sqrt((a + b + c) * (a + b - c) * (a - b + c) * (b + c - a)) / 24 / v
+    return 9 * v / areas / outer
+
+
+def uniform(size):
+    return lambda points: np.full(len(points), size)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_block_keeps_its_faces_labels_and_volume(engine):
+    places = {1: (2, 1.0), -1: (0, 0.0), -2: (1, 0.0)}
+    body, labels = labelled(*block(4), places)
+    new = remesh(body, labels, uniform(0.25), engine=engine)
+    assert volume(new) == pytest.approx(1.0, rel=1e-13), "all sides are flat: rounding only"
+    assert np.array_equal(new.labels, labelled(new.x, new.cells, places)[1])
+    for label, (axis, coordinate) in places.items():
+        assert (new.x[new.sides[new.labels == label], axis] == coordinate).all(), "not only to rounding"
+    edges = {tuple(c) for c in np.round(new.x[np.unique(new.sides[:, :3])], 12) if ((c == 0) | (c == 1)).all()}
+    assert len(edges) == 8, "the corners of the cube stay"
+    assert on_boundary(new.cells[:, :4]).sum(axis=1).max() == 1
+    assert new.engine == engine
+
+
+@needs_mmg
+def test_upset_cylinder_gets_good_cells_and_keeps_its_volume():
+    body, labels = upset_cylinder(0.25)
+    assert radius_ratio(body).min() < 0.05, "poor enough to be meshed anew"
+    new = remesh(body, labels, uniform(0.2))
+    ratio = radius_ratio(new)
+    assert ratio.min() > 0.05 and np.quantile(ratio, 0.01) > 0.25, "the limits of the trigger"
+    # the first row of the old facets under the tool turns by 20 degrees against the second: 0.01 are cut off there
+    assert volume(new) == pytest.approx(volume(body), rel=2e-3)
+    assert set(np.unique(new.labels)) == {-2, -1, 0, 1, 2}
+    for axis in (0, 1):
+        assert (new.x[new.sides[new.labels == -1 - axis], axis] == 0).all()
+    assert (new.x[new.sides[new.labels == 1], 2] == 0.8).all()
+    # the contact edge: its nodes, mid-nodes too, stay on the old one, a circle up to the error of quadratic sides
+    shared = np.intersect1d(new.sides[new.labels == 1], new.sides[new.labels == 0])
+    radius = np.hypot(*new.x[shared, :2].T)
+    assert np.ptp(radius) < 1e-3 * radius.mean()
+
+
+@needs_mmg
+def test_number_of_cells_is_the_wanted_one():
+    body, labels = labelled(*block(3), {})
+    new = remesh(body, labels, uniform(0.12))
+    assert len(new.cells) == pytest.approx(6 * 2**0.5 / 0.12**3, rel=0.2), "regular cells of that size in a unit volume"
+
+
+@needs_mmg
+def test_sizes_are_followed():
+    body, labels = labelled(*block(3), {})
+    new = remesh(body, labels, lambda p: 0.08 + 0.25 * p[:, 2])
+    edges, _ = cell_edges(new.cells[:, :4])
+    length, height = np.linalg.norm(new.x[edges[:, 1]] - new.x[edges[:, 0]], axis=1), new.x[edges, 2].mean(axis=1)
+    # edges vary by about a third around their size; means of hundreds of them do not
+    assert length[height < 0.1].mean() == pytest.approx(0.09, rel=0.25)
+    assert length[height > 0.9].mean() == pytest.approx(0.32, rel=0.25)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_same_input_same_mesh(engine):
+    body, labels = upset_cylinder(0.4, height=1.6)
+    one, other = (remesh(body, labels, uniform(0.3), engine=engine) for _ in range(2))
+    assert np.array_equal(one.x, other.x) and np.array_equal(one.cells, other.cells)
+
+
+@needs_mmg
+def test_inverted_cells_inside_are_rescued():
+    x, cells = block(4)
+    centre = np.linalg.norm(x - 0.5, axis=1).argmin()
+    x[centre] += (0.4, 0.1, 0.05)
+    body, labels = labelled(x, cells, {1: (2, 1.0)})
+    new = remesh(body, labels, uniform(0.25))
+    assert new.engine == "gmsh, then mmg"
+    assert volume(new) == pytest.approx(1.0, rel=1e-13)
+    assert radius_ratio(new).min() > 0.05
+
+
+def test_surface_that_cuts_itself_is_reported():
+    x, cells = block(4)
+    x[(abs(x - (0.5, 0.5, 1.0)) < 1e-9).all(axis=1), 2] = -0.5      # a node of the top pulled out through the bottom
+    body, labels = labelled(x, cells, {})
+    with pytest.raises(MeshError, match="could not be meshed anew"):
+        remesh(body, labels, uniform(0.3), engine="gmsh")
+
+
+def test_closest_points_of_curved_facets_and_edges():
+    """Of a paraboloid z = x² + y², which a quadratic facet is exactly: the condition is that the rest is normal to it."""
+    uv = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5], [0, 0.5], [0.5, 0]])
+    facet = np.column_stack([uv, (uv**2).sum(axis=1)])
+    points = np.array([[0.2, 0.3, 0.2], [0.25, 0.25, -0.3], [0.4, 0.1, 0.2]])
+    foot = Facets(facet[None]).closest(points)
+    x, y, z = foot.T
+    assert z == pytest.approx(x**2 + y**2, abs=1e-14)
+    rest = points - foot
+    normal = np.column_stack([-2 * x, -2 * y, np.ones(3)])
+    assert abs(np.cross(rest, normal)).max() < 1e-12
+    outside = Facets(facet[None]).closest(np.array([[0.5, -1.0, 0.25], [-1, -1, -1]]))
+    assert outside[0, 1] == 0 and outside[0, 2] == pytest.approx(outside[0, 0]**2, abs=1e-14), "on the side y = 0"
+    assert (outside[1] == 0).all(), "on the corner"
+    edge = Curves(facet[None, [0, 1, 5]])
+    t = edge.closest(np.array([[0.3, 0.5, 0.4]]))[0]
+    assert t[2] == pytest.approx(t[0]**2, abs=1e-14)
+    assert (0.3 - t[0]) + 2 * t[0] * (0.4 - t[2]) == pytest.approx(0, abs=1e-12)
