@@ -13,6 +13,7 @@ from ..nodes import quadratic_shapes
 PIECES = 4              # pieces along a side of a facet: their sagitta is 1/16 of the facet's
 ITERATIONS = 30
 SMALL = 1e-14           # of the parameter: rounding
+ROUNDING = 1e-9         # of the square of the distance, which is flat at its minimum
 
 
 class Facets:
@@ -107,8 +108,8 @@ def _newton_facets(nodes, facet, start, points):
                 guu += r * 4 * (f[0, k] + f[1, k] - 2 * f[5, k])
                 guv += r * 4 * (f[0, k] + f[3, k] - f[4, k] - f[5, k])
                 gvv += r * 4 * (f[0, k] + f[2, k] - 2 * f[4, k])
-            if value < best:
-                best = value
+            if value <= best * (1.0 + ROUNDING):
+                best = min(best, value)
                 for k in range(3):
                     out[p, k] = (w * (2 * w - 1) * f[0, k] + u * (2 * u - 1) * f[1, k] + v * (2 * v - 1) * f[2, k]
                                  + 4 * u * v * f[3, k] + 4 * w * v * f[4, k] + 4 * w * u * f[5, k])
@@ -164,8 +165,8 @@ def _newton_curves(nodes, edge, start, points):
                 g += r * d
                 h += d * d
                 bend += r * 4 * (c[0, k] + c[1, k] - 2 * c[2, k])
-            if value < best:
-                best = value
+            if value <= best * (1.0 + ROUNDING):
+                best = min(best, value)
                 for k in range(3):
                     out[p, k] = (1 - t) * (1 - 2 * t) * c[0, k] + t * (2 * t - 1) * c[1, k] + 4 * t * (1 - t) * c[2, k]
             if h <= 0.0:
