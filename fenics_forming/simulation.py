@@ -25,6 +25,8 @@ from .results.recorder import Recorder
 from .results.results import Results
 from .scene import Scene, check
 
+OUTSIDE = 1e-3     # of the body: material points farther outside at the start are worth a word
+
 
 @dataclass
 class State:
@@ -67,6 +69,8 @@ class Simulation:
         self.body = flowing_body(scene, mesh, tools, self.mirrors)
         self.scheme = SCHEMES[scene.scheme]()
         self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
+        self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
+                                                   for name, line in scene.flow_lines.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
@@ -85,7 +89,10 @@ class Simulation:
         missing = [name for name in at_start if name not in saved]
         if missing:
             raise SceneError("the checkpoint does not follow it; resume without it", key=f"{group}.{missing[0]}")
-        return MaterialPoints(self.nodes, {name: saved[name] for name in at_start})
+        points = MaterialPoints(self.nodes, {name: saved[name] for name in at_start})
+        self.warnings += [f"{group}.{name}: lies up to {distance.max():.2g} mm outside the body and starts at its surface"
+                          for name, distance in points.distance.items() if distance.max() > OUTSIDE * self.body.size]
+        return points
 
     def _steps(self) -> StepChoice:
         scene = self.scene
@@ -313,7 +320,7 @@ class Simulation:
         save_checkpoint(path, self.nodes, scalars={
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
-            "points": _listed(self.points),
+            "points": _listed(self.points), "flow_lines": _listed(self.lines),
             "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers},

@@ -21,7 +21,7 @@ class MaterialPoints:
 
     Attributes
     ----------
-    distance : (p,) mm between what was asked for and the place in the body, of all points in order
+    distance : name → (k,) mm between what was asked for and the place in the body
     """
 
     def __init__(self, nodes: Nodes, at: dict[str, np.ndarray]):
@@ -30,8 +30,8 @@ class MaterialPoints:
         self._ends = np.cumsum([len(row) for row in rows])[:-1]
         asked = np.concatenate(rows)
         found = Locator(nodes.x, nodes.cells).find_curved(asked) if len(nodes.cells) else None
-        self.distance, mine = _one_owner(nodes.comm, np.full(len(asked), np.inf) if found is None else found.distance)
-        self._mine = np.flatnonzero(mine)
+        distance, mine = _one_owner(nodes.comm, np.full(len(asked), np.inf) if found is None else found.distance)
+        self.distance, self._mine, self._count = self._by_name(distance), np.flatnonzero(mine), len(asked)
         self._rows = self._shapes = np.empty((0, nodes.cells.shape[1]), int)
         if found is not None:
             self._rows = nodes.cells[found.cells[self._mine]]
@@ -39,9 +39,9 @@ class MaterialPoints:
 
     def values(self, nodal: np.ndarray) -> dict[str, np.ndarray]:
         """Values of a nodal field (nodes[, c]) at the points, name → (k[, c]), on every rank. Collective."""
-        out = np.zeros((len(self.distance),) + nodal.shape[1:])
+        out = np.zeros((self._count,) + nodal.shape[1:])
         out[self._mine] = np.einsum("pa,pa...->p...", self._shapes, nodal[self._rows])
-        return dict(zip(self._names, np.split(total(self._nodes.comm, out), self._ends), strict=True))
+        return self._by_name(total(self._nodes.comm, out))
 
     @property
     def places(self) -> dict[str, np.ndarray]:
@@ -51,6 +51,9 @@ class MaterialPoints:
     def relocated(self, nodes: Nodes) -> MaterialPoints:
         """The same points at their present places in a new mesh of the body. Collective."""
         return MaterialPoints(nodes, self.places)
+
+    def _by_name(self, rows):
+        return dict(zip(self._names, np.split(rows, self._ends), strict=True))
 
 
 def _one_owner(comm, distance):

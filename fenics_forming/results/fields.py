@@ -37,7 +37,7 @@ class FieldWriter:
         self.folder, self.comm = Path(folder), comm
         import meshio  # noqa: F401  a tenth of a second, before the run and not in its first step
 
-        self._frames = on_rank_zero(comm, lambda: self._start(resume_after))
+        self._frames = on_rank_zero(comm, lambda: start_frames(self.folder, "fields", resume_after))
 
     def write(
         self,
@@ -76,20 +76,28 @@ class FieldWriter:
     def _write(self, name, frames, points, cells, at_nodes, in_cells):
         dim = points.shape[1]
         write_vtu(self.folder / name, points, vtk_cells(cells, points), at_nodes, in_cells, dim)
-        _write_pvd(self.folder / "fields.pvd", frames)
+        write_pvd(self.folder / "fields.pvd", frames)
 
-    def _start(self, resume_after):
-        self.folder.mkdir(parents=True, exist_ok=True)
-        pvd = self.folder / "fields.pvd"
-        old = [(time, path.name) for time, path in read_frames(self.folder)]
-        kept = [f for f in old if resume_after is not None and int(re.split("[_.]", f[1])[1]) <= resume_after]
-        if kept:
-            _write_pvd(pvd, kept)
-        else:
-            pvd.unlink(missing_ok=True)
-        for frame in set(old) - set(kept):
-            (self.folder / frame[1]).unlink(missing_ok=True)
-        return kept
+
+def start_frames(folder: Path, name: str, resume_after: int | None) -> list[tuple[float, str]]:
+    """(time, file) of the frames ``NAME_000012.vtu`` up to a step, that are kept; removes the others that
+    ``NAME.pvd`` lists, all of them where there is no step to resume after.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    old = [(time, path.name) for time, path in read_frames(folder, name)]
+    kept = [f for f in old if resume_after is not None and step_of(f[1], name) <= resume_after]
+    if kept:
+        write_pvd(folder / f"{name}.pvd", kept)
+    else:
+        (folder / f"{name}.pvd").unlink(missing_ok=True)
+    for frame in set(old) - set(kept):
+        (folder / frame[1]).unlink(missing_ok=True)
+    return kept
+
+
+def step_of(file: str, name: str) -> int:
+    """Number of the step in the name of a frame."""
+    return int(re.match(rf"{name}_(\d+)", file)[1])
 
 
 def vtk_cells(cells: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -107,18 +115,18 @@ def write_vtu(path: Path, points, cells, at_nodes, in_cells, dim: int) -> None:
     import meshio
 
     mesh = meshio.Mesh(
-        _padded(points),
+        padded(points),
         [(CELL_TYPES[dim], cells)],
-        point_data={key: _padded(values) for key, values in at_nodes.items()},
-        cell_data={key: [_padded(values)] for key, values in in_cells.items()},
+        point_data={key: padded(values) for key, values in at_nodes.items()},
+        cell_data={key: [padded(values)] for key, values in in_cells.items()},
     )
     with whole_file(path) as partial:
         meshio.write(partial, mesh, file_format="vtu", binary=True)
 
 
-def read_frames(folder: Path | str) -> list[tuple[float, Path]]:
-    """(time in s, path) of the frames that ``fields.pvd`` lists; empty if there is none."""
-    pvd = Path(folder) / "fields.pvd"
+def read_frames(folder: Path | str, name: str = "fields") -> list[tuple[float, Path]]:
+    """(time in s, path) of the frames that ``NAME.pvd`` lists; empty if there is none."""
+    pvd = Path(folder) / f"{name}.pvd"
     if not pvd.exists():
         return []
     try:
@@ -128,7 +136,8 @@ def read_frames(folder: Path | str) -> list[tuple[float, Path]]:
         raise ResultsError(f"'{pvd}' is not a list of frames: {error}") from None
 
 
-def _write_pvd(path, frames):
+def write_pvd(path: Path, frames: list[tuple[float, str]]) -> None:
+    """The list of frames, (time, file); several files of one time are its parts."""
     root = xml.Element("VTKFile", type="Collection", version="0.1")
     collection = xml.SubElement(root, "Collection")
     parts: dict[float, int] = {}
@@ -140,7 +149,8 @@ def _write_pvd(path, frames):
         xml.ElementTree(root).write(partial, xml_declaration=True, encoding="utf-8")
 
 
-def _padded(values):
+def padded(values) -> np.ndarray:
+    """Vectors of the plane with a third component, as VTK has them; anything else as it is."""
     values = np.asarray(values)
     if values.ndim == 2 and values.shape[1] == 2:
         return np.column_stack([values, np.zeros(len(values))])

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .files import ResultsError
+from .flow_lines import lines_at
 from .outlines import as_segments, flipped, tool_outlines
 from .plotting2d import draw, figure_size, levels_of
 from .progress import name_and_unit
@@ -78,7 +79,7 @@ def plot_fields(
     limits=None,
     ax=None,
 ):
-    """A field on the body as it lies in one frame.
+    """A field on the body as it lies in one frame; on the mesh alone its flow lines.
 
     Parameters
     ----------
@@ -111,13 +112,16 @@ def plot_fields(
     mirrors = _mirrors(results.scene, axes, skin.points) if mirror else []
     for axis, at in mirrors:
         skin = skin.mirrored(axis, at)
+    lines = lines_at(results, time) if field is None else []
+    for axis, at in mirrors:
+        lines += [flipped(line, axis, at) for line in lines]
     values, label = (None, "") if field is None else (skin.field(field)[1], _label(name))
     title = f"{_wrapped(results.title)}\n{_when(results, time)}"
     if skin.points.shape[1] == 3:
         from . import plotting3d
 
         levels = None if values is None else levels_of(limits, 10)
-        return plotting3d.draw(skin, values, label, levels, title, mesh=mesh, path=path)
+        return plotting3d.draw(skin, values, label, levels, title, mesh=mesh, lines=lines, path=path)
     if ax is None:
         ax = _pyplot().subplots(figsize=figure_size(skin.points), layout="constrained")[1]
     outlines = (
@@ -125,7 +129,7 @@ def plot_fields(
     )
     for axis, at in mirrors:
         outlines += [flipped(outline, axis, at) for outline in outlines]
-    draw(ax, skin, values, label, limits, mesh=mesh, tools=outlines)
+    draw(ax, skin, values, label, limits, mesh=mesh, tools=outlines, lines=lines)
     ax.set(xlabel=f"{axes[0]} (mm)", ylabel=f"{axes[1]} (mm)")
     ax.set_title(title, fontsize="medium")
     return _saved(ax, path)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=()) -> None:
-    """Draw the body with its colour bar, the sides of its elements and outlines of tools, arrays (k, 2, 2) of
-    segments. Without ``values`` (n,) the mesh alone.
+def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=(), lines=()) -> None:
+    """Draw the body with its colour bar, the sides of its elements, outlines of tools, arrays (k, 2, 2) of
+    segments, and flow lines (k, 2). Without ``values`` (n,) the mesh alone, paler under flow lines.
     """
     from matplotlib.collections import LineCollection
     from matplotlib.tri import Triangulation
@@ -23,9 +23,11 @@ def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=()) -> None:
     inside, rim = skin.sides()
     if mesh or values is None:
         width = 0.5 if values is None else 0.25
+        colour = "0.55" if lines else "0.15"
         ax.add_collection(
-            LineCollection(_curves(skin.points, inside), colors="0.15", linewidths=width, alpha=0.7)
+            LineCollection(_curves(skin.points, inside), colors=colour, linewidths=width, alpha=0.7)
         )
+    ax.add_collection(LineCollection(lines, colors="black", linewidths=0.8), autolim=False)
     ax.add_collection(
         LineCollection(_curves(skin.points, rim), colors="black", linewidths=1.0, capstyle="round")
     )

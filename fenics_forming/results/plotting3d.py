@@ -13,10 +13,11 @@ import numpy as np
 from .files import ResultsError
 
 
-def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path | str | None) -> np.ndarray:
+def draw(skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), path: Path | str | None) -> np.ndarray:
     """Render the skin and return the picture (height, width, 3).
 
-    Where ``values`` (n,) are given they are shown in bands between ``levels``.
+    Where ``values`` (n,) are given they are shown in bands between ``levels``. With flow ``lines``, (k, 3) each, the
+    body is seen through.
 
     Raises
     ------
@@ -34,7 +35,8 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path
         plotter.set_background("white")
         surface = poly(skin.points, skin.triangles)
         if values is None:
-            plotter.add_mesh(surface, color="lightsteelblue", ambient=0.4, diffuse=0.6, specular=0.0)
+            seen_through = {"opacity": 0.4} if lines else {}
+            plotter.add_mesh(surface, color="lightsteelblue", ambient=0.4, diffuse=0.6, specular=0.0, **seen_through)
         else:
             surface[label] = values
             bar = dict(
@@ -63,11 +65,14 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, path: Path
             )
         if mesh or values is None:
             sides = np.concatenate(skin.sides())
-            lines = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())
-            drawn = plotter.add_mesh(lines, color="black", line_width=1.5, opacity=0.6, lighting=False)
+            net = pyvista.PolyData(skin.points, lines=np.insert(sides, 0, 3, axis=1).ravel())
+            opacity = 0.2 if lines else 0.6
+            drawn = plotter.add_mesh(net, color="black", line_width=1.5, opacity=opacity, lighting=False)
             # the lines lie in the surface: bring them forward, or half of them are lost
             drawn.mapper.SetResolveCoincidentTopologyToPolygonOffset()
             drawn.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, -6.0)
+        for line in lines:
+            plotter.add_mesh(pyvista.lines_from_points(line), color="black", line_width=2.0, lighting=False)
         plotter.add_text(title, position=(0.03, 0.9), viewport=True, font_size=11, color="black")
         plotter.add_axes(color="black", line_width=3)
         plotter.camera_position = "iso"

@@ -9,8 +9,10 @@ from time import perf_counter, process_time
 import numpy as np
 
 from ..physics.parallel import highest
-from .fields import FieldWriter
+from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
+from .flow_lines import NAME as FLOW_LINES
+from .flow_lines import FlowLineWriter
 from .history import History
 from .ledger import DamageLedger, PowerLedger, VolumeLedger
 from .results import Results
@@ -39,10 +41,12 @@ class Recorder:
         self.damage = None if damage is None else DamageLedger(damage.critical)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
-        self.fields = None
+        self.fields = self.lines = None
         if self.out is not None:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
+            if simulation.lines is not None:
+                self.lines = FlowLineWriter(self.out, self.comm, resume_after=resume_after)
             on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
@@ -58,6 +62,7 @@ class Recorder:
         self.out.mkdir(parents=True, exist_ok=True)
         for name in ("history.csv", "summary.json", "checkpoint.npz"):
             (self.out / name).unlink(missing_ok=True)
+        start_frames(self.out, FLOW_LINES, None)
 
     def introduction(self) -> str:
         """One line on what runs."""
@@ -170,6 +175,9 @@ class Recorder:
         if temperature is not None:
             data["temperature_degC"] = temperature
         self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data)
+        if self.lines is not None:
+            self.lines.write(step=state.step, time=state.time, places=run.lines.places,
+                             fields={name: run.lines.values(values) for name, values in state.history.items()})
 
     # ------------------------------------------------------------------ the end
     def doubts(self) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..units import format_quantity
 from .fields import read_frames
 from .files import ResultsError, on_rank_zero, whole_file
+from .flow_lines import FollowedLine, read_flow_line
 from .history import History
 
 
@@ -80,6 +81,16 @@ class Results:
     def frames(self) -> list[tuple[float, Path]]:
         """(time in s, path of the ``.vtu`` file) of every frame; several bodies have one entry each."""
         return [] if self.folder is None else read_frames(self.folder)
+
+    def flow_line(self, name: str) -> FollowedLine:
+        """The line of material points ``[flow_lines.NAME]`` in every frame: places (frames, points, dim) and more.
+
+        Raises
+        ------
+        ResultsError
+            if the scene names no such line or the run wrote no frames.
+        """
+        return read_flow_line(self, name)
 
     @property
     def title(self) -> str:
