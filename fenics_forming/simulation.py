@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -20,6 +20,7 @@ from .process.integration import SCHEMES, Flow, StepEnd
 from .process.placing import flowing_body, mirror_planes
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
+from .results.ledger import VolumeLedger
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results
@@ -30,13 +31,15 @@ OUTSIDE = 1e-3     # of the body: material points farther outside at the start a
 
 @dataclass
 class State:
-    """Where a run is: step, time s, history of the nodes, the flow, and the step length that contact looked ahead."""
+    """Where a run is: step, time s, history of the nodes, the flow, the step length that contact looked ahead, and what
+    has changed the volume in the step, mm³ by cause."""
 
     step: int
     time: float
     history: dict[str, np.ndarray]
     flow: Flow
     dt: float
+    volume_changes: dict[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -72,6 +75,9 @@ class Simulation:
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
+        self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.process.volume_constancy == "each_step")
+        if self._saved is not None:
+            self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
 
@@ -257,6 +263,7 @@ class Simulation:
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
         end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.history, dt)
+        changes = {} if travels else self._account_for_volume()
         time = self.choice.end_of(state.time, dt)
         turns = time in self._turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
@@ -264,7 +271,14 @@ class Simulation:
         body.move_tools(time - 1e-12 * dt if turns else time)
         flow = body.solve(time, end.history, self.scheme.look_ahead * ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
-        return State(state.step + 1, time, end.history, flow, ahead), 1 + end.solves, end.error
+        return State(state.step + 1, time, end.history, flow, ahead, changes), 1 + end.solves, end.error
+
+    def _account_for_volume(self) -> dict[str, float]:
+        """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""
+        changes = {"corners": self.body.returned_volume()}
+        if self.volume_ledger.restored:
+            changes["given back"] = self.body.restore_volume(self.start_volume).given_back
+        return changes
 
     def _turned(self, state: State) -> State:
         """The state with the flow after the tools have turned; what follows knows nothing of the one before."""
@@ -321,7 +335,8 @@ class Simulation:
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
             "points": _listed(self.points), "flow_lines": _listed(self.lines),
-            "start_volume": self.start_volume, "at_rest": w.is_cold, "penalty": contact.reference,
+            "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
+            "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers},
             nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,

@@ -131,7 +131,8 @@ class Workpiece:
 
         self.residual_form = fem.form(sum(terms.values()), entity_maps=entity_maps)
         self.tangent_form = fem.form(sum(tangents.values()), entity_maps=entity_maps)
-        self._volume = fem.form(weight * dx)
+        exactly = {"quadrature_degree": kin.dim + (2 if kin.name == "axisymmetric" else 0), "quadrature_rule": "default"}
+        self._volume = fem.form(weight * ufl.Measure("dx", domain=mesh, metadata=exactly))
         self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
         self._force_power = fem.form(-body_force_power(f, v, weight, dx)) if body_force is not None else None
         self._nodal_area = fem.form(w[0] * weight * self.contact.facets.measure) \

@@ -13,6 +13,7 @@ from ..physics.parallel import highest, lowest
 from ..physics.workpiece import Workpiece
 from .integration import Flow
 from .shifting import put_on_tools
+from .volume import FreeSurface, Restored
 
 HOVER = 2e-4   # of the size of a contact facet: a pressed node that hovers less than this above its tool is on it
 
@@ -35,15 +36,17 @@ class FlowingBody:
     height_axis : the axis along which the main tool moves; the extent on it makes the characteristic rate
     temperature : degC, or None
     damage : law of ``laws.damage``, or None: no damage gathers
+    free_surface : of the same nodes, to measure and restore the volume by
     """
 
     def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
-                 temperature: float | None = None, damage=None):
+                 temperature: float | None = None, damage=None, free_surface: FreeSurface | None = None):
         self.workpiece, self.nodes = workpiece, workpiece.nodes
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
         self._drives, self._boundary, self.height_axis = drives, boundary, height_axis
+        self.free_surface = free_surface
         self._temperature = None if temperature is None else np.full(self.nodes.count, float(temperature))
         self._damage = damage
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
@@ -69,10 +72,33 @@ class FlowingBody:
         """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it."""
         start = perf_counter()
         self.move_tools(time)
-        held = {} if self.workpiece.is_cold else self.contact.pressed_nodes() if self.tools else {}
+        held = self._pressed_nodes()
+        self._as_shifted = self.x[self._boundary]
         self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, self.reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
 
+    def _pressed_nodes(self) -> dict[str, np.ndarray]:
+        return self.contact.pressed_nodes() if self.tools and not self.workpiece.is_cold else {}
+
+    # ------------------------------------------------------------------ volume
+    def returned_volume(self) -> float:
+        """Change of volume, mm³, by the nodes that the last placing put back onto the tools. Collective."""
+        moved = (self.x[self._boundary] != self._as_shifted).any()
+        if not highest(self.nodes.comm, float(moved)):
+            return 0.0
+        shifted = self.x.copy()
+        shifted[self._boundary] = self._as_shifted
+        return self.free_surface.volume(self.x) - self.free_surface.volume(shifted)
+
+    def restore_volume(self, volume: float) -> Restored:
+        """Offset the free surface until the body has the given volume, mm³; pressed nodes stay. Collective."""
+        start = perf_counter()
+        pressed = sum(self._pressed_nodes().values(), np.zeros(self.nodes.count, bool))
+        done = self.free_surface.offset_to(volume, self.x, self.tools, pressed=pressed)
+        self.seconds["shifting"] += perf_counter() - start
+        return done
+
+    # ------------------------------------------------------------------ contact
     def search(self, dt: float) -> None:
         """Closest points of the contact facets; ``dt`` is what contact looks ahead."""
         if self.contact is None:

@@ -16,6 +16,7 @@ from ..physics.settings import NewtonSettings
 from ..physics.workpiece import FixedVelocity, Workpiece, facet_nodes
 from ..scene import Scene
 from .body import FlowingBody
+from .volume import FreeSurface
 
 
 def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict[int, float]) -> FlowingBody:
@@ -28,9 +29,17 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     material = scene.materials[scene.workpiece.material]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
                           flow_stress=material.flow_stress)
-    return FlowingBody(workpiece, boundary=facet_nodes(nodes, candidates), height_axis=_height_axis(scene),
+    return FlowingBody(workpiece, boundary=_nodes_of(nodes, candidates), height_axis=_height_axis(scene),
+                       free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
                        temperature=scene.workpiece.temperature, damage=material.damage)
+
+
+def _nodes_of(nodes: Nodes, facets: np.ndarray) -> np.ndarray:
+    """All nodes of this rank on the facets of any rank: where one moves, its copies move along. Collective."""
+    mark = np.zeros(nodes.count)
+    mark[facet_nodes(nodes, facets)] = 1.0
+    return np.flatnonzero(nodes.sum_at_all(mark) > 0)
 
 
 def mirror_planes(scene: Scene, mesh: Mesh) -> dict[int, float]:

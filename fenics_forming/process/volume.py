@@ -81,19 +81,21 @@ class FreeSurface:
         """Volume of the body, mm³ (mm² in plane strain). Collective."""
         return self.surface.volume(x)
 
-    def offset_to(self, wanted: float, x: np.ndarray, tools=()) -> Restored:
+    def offset_to(self, wanted: float, x: np.ndarray, tools=(), *, pressed: np.ndarray | None = None) -> Restored:
         """Move the nodes ``x`` (n, dim), in place, until the body has the ``wanted`` volume. Collective.
 
-        Nodes on a tool keep their place, nodes on a mirror plane stay on it and those of the axis keep r = 0. Nodes that
-        are driven into a tool are put back onto it, and the others make up for them. Mid-nodes below the surface go
-        half-way with the end of their edge, so that a cell loses a tenth of its height and no more at once.
+        Nodes on a tool and ``pressed`` ones (n,) keep their place, nodes on a mirror plane stay on it and those of the
+        axis keep r = 0. Nodes that are driven into a tool are put back onto it, and the others make up for them.
+        Mid-nodes below the surface go half-way with the end of their edge, so that a cell loses a tenth of its height
+        and no more at once.
         """
         before = volume = self.volume(x)
         moved, free = 0.0, np.flatnonzero(self._free)
         for _ in range(MOST_CALLS):
             if abs(volume - wanted) <= EXACT * wanted:
                 break
-            direction = self.directions(x, self._on_tools(x, free, tools))
+            held = self._on_tools(x, free, tools)
+            direction = self.directions(x, held if pressed is None else held | pressed)
             if self.surface.volume_rate(x, direction) <= 1e-12 * wanted / self.size:
                 return Restored(before, volume, moved, "the body has no free surface")
             distance = self._distance(x, direction, wanted, self._bound(x, direction))

@@ -14,7 +14,7 @@ from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
 from .history import History
-from .ledger import DamageLedger, PowerLedger, VolumeLedger
+from .ledger import DamageLedger, PowerLedger
 from .results import Results
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
@@ -36,7 +36,7 @@ class Recorder:
         self.seconds = {"output": 0.0}
         self.row: dict[str, float] = {}
         self.summary: dict = {}
-        self.volume, self.power = VolumeLedger(simulation.start_volume), PowerLedger()
+        self.volume, self.power = simulation.volume_ledger, PowerLedger()
         damage = self.scene.materials[self.scene.workpiece.material].damage
         self.damage = None if damage is None else DamageLedger(damage.critical)
         self.iterations, self._last_frame = 0, -1
@@ -74,6 +74,7 @@ class Recorder:
     # ------------------------------------------------------------------ a step
     def step(self, state, limited_by: str, wall: float) -> None:
         """Record an accepted step: its row, and a frame and a checkpoint where they are due."""
+        self.volume.book(state.volume_changes)
         self.row = self._row(state, wall)
         self.history.append(self.row)
         self.iterations += state.flow.iterations

@@ -7,10 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..nodes import EDGES
-
-# vertices of the facets of a cell whose Jacobian is positive: body on the left (2-D), normal outwards (3-D)
-FACETS = {2: ((1, 2), (2, 0), (0, 1)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+from ..surface import FACETS, sides_of
 
 
 @dataclass(frozen=True)
@@ -63,13 +60,7 @@ def boundary_sides(cells: np.ndarray, dim: int, x: np.ndarray) -> np.ndarray:
     facets = corners[:, local].reshape(-1, dim)
     _, inverse, count = np.unique(keys(facets, len(x)), return_inverse=True, return_counts=True)
     cell, facet = np.divmod(np.flatnonzero(count[inverse.ravel()] == 1), dim + 1)
-
-    nodes = _with_mids(local, dim)[facet]                        # local numbers (f, 3 | 6)
-    p = x[corners[cell]]
-    mirrored = np.linalg.det(p[:, 1:] - p[:, :1]) < 0
-    # exchanging the first two vertices turns a facet over; in 3-D the mid-nodes opposite to them go along
-    nodes[mirrored] = nodes[mirrored][:, {2: [1, 0, 2], 3: [1, 0, 2, 4, 3, 5]}[dim]]
-    return cells[cell[:, None], nodes]
+    return sides_of(cells[cell], facet, x)
 
 
 def keys(nodes: np.ndarray, count: int) -> np.ndarray:
@@ -79,10 +70,3 @@ def keys(nodes: np.ndarray, count: int) -> np.ndarray:
     for column in nodes[:, 1:].T:
         key = key * count + column
     return key
-
-
-def _with_mids(facets: np.ndarray, dim: int) -> np.ndarray:
-    """Local numbers of the vertices and mid-nodes of each facet of the reference cell."""
-    mid = {frozenset(e): dim + 1 + i for i, e in enumerate(EDGES[dim])}
-    own = EDGES[2] if dim == 3 else ((0, 1),)
-    return np.array([[*f, *(mid[frozenset((int(f[a]), int(f[b])))] for a, b in own)] for f in facets])
