@@ -9,6 +9,7 @@ import pytest
 from fenics_forming.physics import meshing
 from fenics_forming.physics.locating import Locator
 from fenics_forming.physics.nodes import EDGES
+from fenics_forming.physics.remeshing import BodyArrays, remesh
 from fenics_forming.process.transfer import Transfer, conservation, integral
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
@@ -233,6 +234,42 @@ def test_ten_transfers_keep_a_peak_in_a_cylinder():
     assert values.max() > 0.83 * start.max()
     assert np.linalg.norm(values - start) < 1e-1 * np.linalg.norm(start)
     assert values.min() >= start.min()
+
+
+# ---------------------------------------------------------------------- a real remeshing
+def upset(x, reduction=0.6, steps=200):
+    """Where the isochoric barrel field takes the points of a cylinder 1 x 2: v_z = -V/h (z + b h/(2 pi) sin(2 pi z/h))."""
+    x, height, travel = x.copy(), 2.0, 2 * reduction / steps
+
+    def rate(x, h):
+        r, z = x.T
+        return np.stack([r / 2 / h * (1 + 0.5 * np.cos(2 * np.pi * z / h)),
+                         -(z + 0.25 * h / np.pi * np.sin(2 * np.pi * z / h)) / h], axis=1)
+
+    for _ in range(steps):
+        middle = x + 0.5 * travel * rate(x, height)
+        x, height = x + travel * rate(middle, height - 0.5 * travel), height - travel
+    return x
+
+
+def test_material_goes_on_where_it_was_after_an_upset_mesh_is_renewed():
+    """At 60 %, in cells of radius ratio 0.05: the new nodes know their first places to 1e-4 (measured 3e-5), the strain
+    peak keeps its integral to 1e-3 (2e-4) and nothing falls below the old."""
+    first = plate(0.067, 5)
+    old = BodyArrays(upset(first.x), first.cells)
+    labels = np.zeros(len(old.sides), int)
+    middle = old.x[old.sides[:, :2]].mean(axis=1)
+    labels[middle[:, 1] < 1e-6], labels[middle[:, 1] > 0.8 - 1e-6], labels[middle[:, 0] < 1e-9] = 1, 2, -1
+    new = remesh(old, labels, lambda points: np.full(len(points), 0.067))
+    transfer = Transfer(old, new.x)
+    at_first = transfer.quadratic(first.x)
+    assert np.abs(upset(at_first) - new.x).max() < 1e-4
+    strain = with_mids(old, peak([0.45, 1.05], 0.3)(first.x))
+    moved = with_mids(new, transfer.linear(strain))
+    assert abs(conservation(old, new, {"strain": (strain, moved)}, axisymmetric=True)["strain"]) < 1e-3
+    exact = peak([0.45, 1.05], 0.3)(at_first)
+    assert np.linalg.norm(moved - exact) < 0.03 * np.linalg.norm(exact), "two to three elements from the peak to 1/e"
+    assert moved.min() >= strain.min() and moved.max() <= strain.max()
 
 
 # ---------------------------------------------------------------------- conservation
