@@ -90,13 +90,24 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
 
 
 def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
-             comm=MPI.COMM_WORLD) -> dmesh.Mesh:
-    """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it."""
+             from_boundary: bool = True, wanted=None, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
+    """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it.
+
+    Parameters
+    ----------
+    from_boundary : sizes inside follow the sides on the boundary, of which a whole number has to fit; else ``size``
+    wanted : finer parts, see `refining.refine`
+    """
     def make():
         with gmsh_model() as gmsh:
             build(gmsh)
             _sizes(gmsh, size, np.asarray(corners, float).reshape(-1, dim), corner_size, growth)
+            if not from_boundary:
+                gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
             gmsh.model.mesh.generate(dim)
+            if wanted is not None:
+                from .refining import refine
+                refine(gmsh, dim, wanted)
             gmsh.model.mesh.setOrder(2)
             return split_corner_cells(*arrays(gmsh, dim), dim)
 

@@ -49,6 +49,7 @@ class Polyline:
     _pieces: Pieces = field(init=False)
     _tree: tuple | None = field(init=False)
     dimension = 2
+    radius = None
 
     def __post_init__(self):
         points, fillet = _checked_points(self.points, self.closed), _checked_fillet(self.fillet)
@@ -94,6 +95,17 @@ class Polyline:
         """Vertices (k, 2) in mm that turn by more than 20 degrees and have no fillet."""
         sharp = (np.abs(turns_of(self.points, self.closed)) > SHARP) & (np.asarray(self.fillet) == 0)
         return self.points[sharp]
+
+    def roundings(self, spacing):
+        """Points on the fillets, their radius and angle; see `surfaces.Surface.roundings`."""
+        p, arcs = self._pieces, np.flatnonzero(self._pieces.radius)
+        count = np.maximum(np.ceil(p.length()[arcs] / spacing), 2).astype(int)
+        arc = np.repeat(arcs, count + 1)
+        turn = np.concatenate([np.linspace(0, p.angle[a], n + 1) for a, n in zip(arcs, count, strict=True)] or [[]])
+        arm = p.start[arc] - p.centre[arc]
+        across = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        points = p.centre[arc] + np.cos(turn)[:, None] * arm + np.sin(turn)[:, None] * across
+        return points, p.radius[arc], np.abs(p.angle[arc])
 
 
 def solid_polygon(points, *, fillet=0.0):

@@ -16,6 +16,8 @@ class Surface(Protocol):
     """
 
     dimension: int
+    radius: float | None
+    """Of a surface that is round everywhere, mm; None for any other."""
 
     def closest(self, points):
         """Signed gap and outward normal, ``gap = ±|x - c|`` with c the closest point of the surface.
@@ -43,6 +45,23 @@ class Surface(Protocol):
     def corners(self):
         """Sharp corner points (k, d) in mm, to grade a mesh by; none for a smooth surface."""
 
+    def roundings(self, spacing):
+        """Points on roundings of a surface that has no `radius`, to grade a mesh by.
+
+        Parameters
+        ----------
+        spacing : float
+            Largest distance between neighbours in mm.
+
+        Returns
+        -------
+        points : array (k, d)
+        radius : array (k,)
+            In mm, of the rounding that the point lies on.
+        angle : array (k,)
+            That the rounding turns by, in radian, without sign.
+        """
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -63,6 +82,7 @@ class Plane:
 
     point: tuple[float, ...]
     normal: tuple[float, ...]
+    radius = None
 
     def __post_init__(self):
         point = _vector("point", self.point)
@@ -101,6 +121,10 @@ class Plane:
     def corners(self):
         """No corners: array (0, d)."""
         return np.empty((0, self.dimension))
+
+    def roundings(self, spacing):
+        """None: arrays (0, d), (0,), (0,)."""
+        return np.empty((0, self.dimension)), np.empty(0), np.empty(0)
 
 
 @dataclass(frozen=True)

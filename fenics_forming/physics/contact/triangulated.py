@@ -8,6 +8,7 @@ from fenics_forming.errors import SceneError
 from fenics_forming.physics.contact.drawing import clip
 
 COINCIDENT = 1e-9       # vertices nearer than this share of the size are one; flatter triangles are none
+FACETED = np.deg2rad([0.5, 30.0])   # an edge that turns less is flat, one that turns more is sharp, between: a rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,6 +45,7 @@ class Triangulated:
     _feature_normals: np.ndarray = field(init=False)    # (m, 7, 3): corners a b c, edges ab bc ca, face
     _tree: tuple = field(init=False)
     dimension = 3
+    radius = None
 
     def __post_init__(self):
         from fenics_forming.physics.contact.bvh import build
@@ -95,6 +97,20 @@ class Triangulated:
     def corners(self):
         """No corners, array (0, 3): facet edges are not told from edges of the tool."""
         return np.empty((0, 3))
+
+    def roundings(self, spacing):
+        """Points on edges between facets of a rounding, its radius and, as it is not known, a quarter of a turn.
+
+        Facets of height h that follow a radius R turn by h / R from one to the next. See `surfaces.Surface.roundings`.
+        """
+        start, end, turn, height = _inner_edges(self.vertices[self.triangles], self.triangles)
+        rounded = (turn > FACETED[0]) & (turn < FACETED[1])
+        start, end, radius = start[rounded], end[rounded], (height / np.where(turn > 0, turn, 1.0))[rounded]
+        count = np.maximum(np.ceil(np.linalg.norm(end - start, axis=1) / spacing), 2).astype(int)
+        edge, first = np.repeat(np.arange(len(count)), count + 1), np.repeat(np.cumsum(count + 1) - count - 1, count + 1)
+        share = ((np.arange(len(edge)) - first) / count[edge])[:, None]
+        points = (1 - share) * start[edge] + share * end[edge]
+        return points, radius[edge], np.full(len(edge), np.pi / 2)
 
 
 def read_stl(path, *, scale=1.0):
@@ -172,6 +188,20 @@ def _edges(triangles):
     ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
     key = ends.min(2) * (triangles.max() + 1) + ends.max(2)
     return np.unique(key, return_inverse=True)[1].reshape(triangles.shape), ends[:, :, 0] < ends[:, :, 1]
+
+
+def _inner_edges(corners, triangles):
+    """Edges between two triangles: their ends (e, 3), the angle between the normals (e,), the mean height (e,)."""
+    edge, _ = _edges(triangles)
+    order = np.argsort(edge, axis=None, kind="stable")
+    twin = np.flatnonzero(edge.ravel()[order][1:] == edge.ravel()[order][:-1])
+    one, other = order[twin], order[twin + 1]
+    face, area = _unit(_area_vectors(corners)), np.linalg.norm(_area_vectors(corners), axis=1)
+    start, end = corners.reshape(-1, 3), np.roll(corners, -1, axis=1).reshape(-1, 3)
+    a, b = one // 3, other // 3
+    turn = np.arctan2(np.linalg.norm(np.cross(face[a], face[b]), axis=1), np.einsum("ij,ij->i", face[a], face[b]))
+    height = 0.5 * (area[a] + area[b]) / np.linalg.norm(end[one] - start[one], axis=1)
+    return start[one], end[one], turn, height
 
 
 def _open_edges(triangles):

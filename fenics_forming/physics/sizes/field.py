@@ -1,0 +1,153 @@
+"""A size field: the least of what several sources ask for, none of which grows faster than wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..locating import Locator
+
+DIRECT = 48             # so many points are compared with all, more are searched by trees
+ALIKE = 0.1             # sizes within this of each other share a tree
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Wanted length of the sides of elements, mm: ``sizes(points (n, dim)) -> (n,)``.
+
+    Attributes
+    ----------
+    base : size where no source asks for less
+    least : what sources other than domains may ask for at least
+    growth : change of size per unit of distance, at most
+    sources : callables of the same kind, each with that growth
+    """
+
+    base: float
+    least: float
+    growth: float
+    sources: tuple = ()
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        points = np.asarray(points, dtype=float)
+        size = np.full(len(points), self.base)
+        for source in self.sources:
+            np.minimum(size, source(points), out=size)
+        return size
+
+    def and_also(self, *sources) -> Sizes:
+        """The same with more sources."""
+        return Sizes(self.base, self.least, self.growth, (*self.sources, *sources))
+
+
+@dataclass(frozen=True)
+class Around:
+    """``size`` up to ``distance`` from something, growing from there.
+
+    apart : callable, points (n, dim) to their distances (n,) from it, mm; of either sign
+    """
+
+    apart: object
+    distance: float
+    size: float
+    growth: float
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        return self.size + self.growth * np.maximum(np.abs(self.apart(points)) - self.distance, 0.0)
+
+
+class AtPoints:
+    """Sizes at points, growing from each of them: min over i of (size_i + growth |x - x_i|).
+
+    Parameters
+    ----------
+    points : (k, dim) mm
+    size : (k,) mm, or one for all
+    growth : per unit of distance
+    most : larger sizes are of no interest
+    """
+
+    def __init__(self, points: np.ndarray, size, growth: float, most: float):
+        self.points = np.asarray(points, dtype=float)
+        self.size = np.array(np.broadcast_to(size, len(self.points)), dtype=float)
+        self.growth, self.most = growth, most
+        self._groups = [] if len(self.points) <= DIRECT else self._alike()
+
+    def _alike(self):
+        from scipy.spatial import cKDTree
+
+        level = np.floor(np.log(self.size / self.size.min()) / np.log1p(ALIKE)).astype(int)
+        rows = [np.flatnonzero(level == k) for k in np.unique(level)]
+        return [(cKDTree(self.points[r]), self.size[r]) for r in rows if self.size[r].min() < self.most]
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        size = np.full(len(points), self.most)
+        if not self._groups:
+            for at, there in zip(self.points, self.size, strict=True):
+                np.minimum(size, there + self.growth * np.sqrt(((points - at) ** 2).sum(axis=1)), out=size)
+            return size
+        for tree, there in self._groups:
+            reach = (self.most - there.min()) / self.growth
+            distance, number = tree.query(points, distance_upper_bound=reach)
+            found = np.isfinite(distance)
+            size[found] = np.minimum(size[found], there[number[found]] + self.growth * distance[found])
+        return size
+
+
+class AtNodes:
+    """Sizes at the vertices of a mesh, linear between them.
+
+    Parameters
+    ----------
+    body : with ``x`` (n, dim) mm and ``cells`` (m, 6 | 10) of order 2
+    size : (n,) mm; only those of the vertices are read
+    """
+
+    def __init__(self, body, size: np.ndarray):
+        self.body, self.size = body, size
+
+    @cached_property
+    def _locator(self):
+        return Locator(self.body.x, self.body.cells)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        found = self._locator.find(points)
+        return np.einsum("pi,pi->p", found.barycentric, self.size[self._locator.vertices[found.cells]])
+
+
+def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) -> np.ndarray:
+    """The largest sizes below the given ones that grow by ``growth`` per unit of length along the edges at most.
+
+    Parameters
+    ----------
+    size : (n,) at the vertices; inf where nothing is asked for
+    x : (n, dim) vertices
+    cells : (m, dim + 1) vertices of the cells
+    """
+    from scipy.sparse import csr_matrix
+
+    ends = edges_of(cells)
+    both = np.concatenate([ends, ends[:, ::-1]])
+    step = growth * np.linalg.norm(x[both[:, 0]] - x[both[:, 1]], axis=1)
+    # rows: vertices; entries: their neighbours
+    table = csr_matrix((step, (both[:, 0], both[:, 1])), shape=(len(x), len(x)))
+    touched = np.flatnonzero(np.diff(table.indptr))
+    starts = table.indptr[touched]
+    size = np.array(size, dtype=float)
+    if not np.isfinite(size).any():
+        return size
+    while True:
+        through = np.minimum.reduceat(size[table.indices] + table.data, starts)
+        if (through >= size[touched] * (1 - 1e-3)).all():
+            return size
+        size[touched] = np.minimum(size[touched], through)
+
+
+def edges_of(cells: np.ndarray) -> np.ndarray:
+    """Ends (e, 2) of the edges of simplices (m, dim + 1), the smaller number first."""
+    first, second = np.triu_indices(cells.shape[1], 1)
+    ends = np.sort(np.stack([cells[:, first], cells[:, second]], axis=2).reshape(-1, 2), axis=1).astype(np.int64)
+    count = int(cells.max()) + 1
+    return np.stack(np.divmod(np.unique(ends[:, 0] * count + ends[:, 1]), count), axis=1)
