@@ -10,9 +10,9 @@ from .meshing import arrays
 from .remeshing.body_arrays import BodyArrays
 
 PASSES = 6
-LARGEST = 2.0           # times the wanted size that any cell may have; gmsh leaves up to 1.6
-LARGE = 1.5             # times that only; in space it leaves 5 % above 1.4
-FEW = 0.05              # of all cells may have
+LARGEST = {2: 1.6, 3: 1.8}      # times the wanted size that any cell may have: gmsh leaves up to that
+LARGE = {2: 1.4, 3: 1.5}        # times that only
+FEW = 0.05                      # of all cells may have
 
 
 def refine(gmsh, dim: int, wanted) -> None:
@@ -29,7 +29,7 @@ def refine(gmsh, dim: int, wanted) -> None:
             body = BodyArrays(*arrays(gmsh, dim))
             size = wanted(body)
             ratio = cell_sizes(body) / size[body.cells[:, : dim + 1]].mean(axis=1)
-            if ratio.max() <= LARGEST and np.mean(ratio > LARGE) <= FEW:
+            if ratio.max() <= LARGEST[dim] and np.mean(ratio > LARGE[dim]) <= FEW:
                 return
             view = _background(gmsh, body, size, view)
             gmsh.model.mesh.clear()

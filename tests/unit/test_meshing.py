@@ -95,7 +95,7 @@ def test_volume_of_a_round_body_converges_with_the_number_of_its_sides():
                                                  ("3d", scene.Box(from_=(0, 0, 0), to=(7, 7, 7)))])
 def test_automatic_size_cuts_a_square_and_a_cube_into_about_1200_cells(geometry, shape):
     nodes, size = meshed(scene_of(shape, geometry))
-    assert 900 < len(nodes.cells) < 1600
+    assert len(nodes.cells) == pytest.approx(1200, rel=0.15)
     assert size == automatic_size(7.0 ** nodes.dim, nodes.dim)
 
 
