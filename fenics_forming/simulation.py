@@ -16,8 +16,9 @@ from .physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .physics.nodes import Nodes
 from .physics.tools import known_tools
 from .physics.tracking import MaterialPoints
-from .process.integration import SCHEMES, Flow, StepEnd
+from .process.integration import Flow, StepEnd
 from .process.placing import flowing_body, mirror_planes
+from .process.schemes import scheme_of
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.ledger import VolumeLedger
@@ -70,7 +71,7 @@ class Simulation:
         self.mirrors = mirror_planes(scene, mesh) if self._saved is None else \
             {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
         self.body = flowing_body(scene, mesh, tools, self.mirrors)
-        self.scheme = SCHEMES[scene.scheme]()
+        self.scheme = scheme_of(scene.shifting)
         self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
@@ -292,12 +293,12 @@ class Simulation:
             self._go_back(before, self.scheme, state.time)
             raise
         self.solves += 1
-        self.scheme = SCHEMES[self.scene.scheme]()
+        self.scheme = scheme_of(self.scene.shifting)
         return replace(state, flow=flow)
 
     def _travel(self, state: State, dt: float):
         """The tools move on, the body rests; what follows knows nothing of the flow before."""
-        self.scheme = SCHEMES[self.scene.scheme]()
+        self.scheme = scheme_of(self.scene.shifting)
         self.body.place(state.time + dt)
         return StepEnd(state.history, 0, 0, None, 0.0)
 

@@ -11,6 +11,7 @@ from ..physics.contact.rigid import RigidContact, ToolMotion
 from ..physics.newton import FlowSolver
 from ..physics.parallel import highest, lowest
 from ..physics.workpiece import Workpiece
+from .frozen import FrozenField
 from .integration import Flow
 from .shifting import put_on_tools
 from .volume import FreeSurface, Restored
@@ -244,6 +245,10 @@ class FlowingBody:
 
     def velocity_gradient(self) -> np.ndarray:
         return self.workpiece.nodal_velocity_gradient()
+
+    def frozen(self, values: np.ndarray) -> FrozenField:
+        """Nodal values (nodes, k) on the mesh as it lies now, at any place."""
+        return FrozenField(self.nodes, values)
 
     # ------------------------------------------------------------------ mesh quality, going back
     def inverted(self) -> bool:

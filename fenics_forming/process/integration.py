@@ -53,6 +53,8 @@ class Body(Protocol):
 
     def velocity_gradient(self) -> np.ndarray: ...
 
+    def frozen(self, values: np.ndarray): ...
+
 
 def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """History plus the weighted rates, ``parts`` of (weight in s, rates); what gathers never becomes less."""
@@ -61,7 +63,28 @@ def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.n
 
 
 class Scheme:
-    """What the schemes share: nothing to remember of the steps before."""
+    """What the schemes share: nothing to remember of the steps before.
+
+    ``rotation``: every node turns by its local spin (``shifting.turned``), so that a spinning body keeps its size.
+    """
+
+    name: str
+    look_ahead: float       # of the step, by the contact of the solve at its start
+
+    def __init__(self, rotation: bool = False):
+        self.rotation = rotation
+
+    @classmethod
+    def of(cls, choice) -> Scheme:
+        """The scheme with the parameters of a scene (``scene.Shifting``)."""
+        return cls(rotation=choice.rotation)
+
+    def carried(self, body: Body, velocity: np.ndarray, dt: float, known_at: str) -> np.ndarray:
+        """The velocity that carries the nodes for ``dt``; ``velocity`` is that of the present flow, at the "start",
+        "middle" or "end" of the way."""
+        if not self.rotation:
+            return velocity
+        return shifting.turned(velocity, body.velocity_gradient(), dt, known_at=known_at)
 
     def memory(self) -> tuple[dict[str, float], dict[str, np.ndarray]]:
         """Numbers and nodal arrays that the next step needs of the steps before, by name."""
@@ -75,12 +98,28 @@ class Explicit(Scheme):
     """x + v dt with the velocity of the start; first order, one solve a step."""
 
     name = "explicit"
-    look_ahead = 1.0    # of the step, by the contact of the solve at its start
+    look_ahead = 1.0
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
-        body.x[:] = shifting.explicit(body.x, start.velocity, dt)
+        body.x[:] = shifting.explicit(body.x, self.carried(body, start.velocity, dt, "start"), dt)
         body.place(time + dt)
         return StepEnd(advanced(history, (dt, start.rates)), 0, 0, None, np.inf)
+
+
+class Rotation(Explicit):
+    """The velocity of the start, turned by the local spin (``shifting.turned``); one solve a step.
+
+    Rigid rotation is exact; second order in steady flow, first order where the flow changes with time.
+    """
+
+    name = "rotation"
+
+    def __init__(self):
+        super().__init__(rotation=True)
+
+    @classmethod
+    def of(cls, choice) -> Rotation:
+        return cls()
 
 
 class Etd2(Scheme):
@@ -90,8 +129,13 @@ class Etd2(Scheme):
     look_ahead = 1.0
 
     def __init__(self):
+        super().__init__()      # rotation is exact as it is
         self._memory: shifting.FlowMemory | None = None
         self._rates: dict[str, np.ndarray] = {}
+
+    @classmethod
+    def of(cls, choice) -> Etd2:
+        return cls()
 
     def memory(self):
         last = self._memory
@@ -131,10 +175,10 @@ class Midpoint(Scheme):
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0 = body.x.copy()
-        body.x[:] = shifting.explicit(x0, start.velocity, dt / 2)
+        body.x[:] += dt / 2 * self.carried(body, start.velocity, dt / 2, "start")
         body.place(time + dt / 2)
         middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt / 2, step=dt)
-        body.x[:] = shifting.explicit(x0, middle.velocity, dt)
+        body.x[:] = shifting.explicit(x0, self.carried(body, middle.velocity, dt, "middle"), dt)
         body.place(time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())
         return StepEnd(advanced(history, (dt, middle.rates)), middle.iterations, 1, None, error)
@@ -146,20 +190,22 @@ class Trapezoid(Scheme):
     name = "trapezoid"
     look_ahead = 1.0
 
-    def __init__(self, passes: int = 8, tolerance: float = 1e-5):
+    def __init__(self, passes: int = 8, tolerance: float = 1e-5, rotation: bool = False):
+        super().__init__(rotation)
         self.passes, self.tolerance = passes, tolerance
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0 = body.x.copy()
         size = np.ptp(x0, axis=0).max()
         end, spent, solves, error = start, 0, 0, np.inf
-        target = shifting.explicit(x0, start.velocity, dt)
+        first = self.carried(body, start.velocity, dt, "start")
+        target = shifting.explicit(x0, first, dt)
         for k in range(self.passes):
             body.x[:] = target
             body.place(time + (1 - 1e-12) * dt)    # where the tools turn at the end of the step: not yet turned
             end = body.solve(time + dt, advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), dt)
             spent, solves = spent + end.iterations, solves + 1
-            corrected = shifting.explicit(x0, 0.5 * (start.velocity + end.velocity), dt)
+            corrected = shifting.explicit(x0, 0.5 * (first + self.carried(body, end.velocity, dt, "end")), dt)
             change = float(np.abs(corrected - target).max())
             error = change if k == 0 else error
             target = corrected
@@ -168,7 +214,3 @@ class Trapezoid(Scheme):
         body.x[:] = target
         body.place(time + dt)
         return StepEnd(advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), spent, solves, None, error)
-
-
-SCHEMES = {scheme.name: scheme for scheme in (Explicit, Etd2, Midpoint, Trapezoid)}
-SCHEMES["implicit"] = Midpoint

@@ -27,13 +27,13 @@ class Shifting(Described):
     ----------
     scheme : one of `SCHEMES`; "implicit" is the midpoint scheme, solved again; "rotation" moves explicitly, the rigid
     part of the motion exactly. substeps : parts of a step in the frozen velocity field, 3 if not given.
-    rule : of a sub-step, "midpoint" or "plain". Both belong to the scheme "substeps".
-    rotation : the rigid part of the motion exactly, with any scheme.
+    rule : of a sub-step, "plain" (by the velocity at its start) or "midpoint" (second order). Both belong to the scheme
+    "substeps". rotation : the rigid part of the motion exactly, with any scheme.
     """
 
     scheme: Scheme
     substeps: CountFromOne = 3
-    rule: Literal["midpoint", "plain"] = "midpoint"
+    rule: Literal["plain", "midpoint"] = "plain"
     rotation: Flag = False
 
     @model_validator(mode="after")

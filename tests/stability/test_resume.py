@@ -51,10 +51,11 @@ def test_resumed_on_two_ranks_it_goes_on_too(whole_billet, tmp_path):
     assert again.summary["ranks"] == 2
 
 
-@pytest.mark.parametrize("scheme", ["explicit", "etd2", "trapezoid"])
+@pytest.mark.parametrize("scheme", ["'explicit'", "'etd2'", "{ scheme = 'trapezoid', rotation = true }", "'rotation'",
+                                    "{ scheme = 'substeps', rule = 'midpoint' }"])
 def test_every_scheme_can_be_resumed(scheme, tmp_path):
-    """In plane strain between two tools, with damage; etd2 takes what it knows of the flow before along."""
-    changes = (f"steps.scheme='{scheme}'", "materials.lead.damage={ law = 'cockcroft_latham', critical = 0.001 }")
+    """In plane strain between two tools, with damage; etd2 and sub-steps take what they know of the flow before along."""
+    changes = (f"process.shifting={scheme}", "materials.lead.damage={ law = 'cockcroft_latham', critical = 0.001 }")
     whole = run(BLOCK, tmp_path / "whole", *changes).results
     again = resumed(BLOCK, tmp_path, "stop.stroke='0.25 mm'", *changes)
     goes_on(whole, again)

@@ -158,7 +158,7 @@ CASES = [
     (["process={ shifting = 'etd2', substeps = 3 }"], "process.substeps", "belongs to shifting 'substeps', not to 'etd2'"),
     (["process.shifting={ scheme = 'etd2', substeps = 3 }"], "process.shifting.substeps", "not to 'etd2'"),
     (["process.shifting={ scheme = 'explicit', rule = 'plain' }"], "process.shifting.rule", "not to 'explicit'"),
-    (["process.shifting={ scheme = 'substeps', rule = 'fine' }"], "process.shifting.rule", "allowed: midpoint, plain"),
+    (["process.shifting={ scheme = 'substeps', rule = 'fine' }"], "process.shifting.rule", "allowed: plain, midpoint"),
     (["process.shifting={ scheme = 'substeps', substeps = 3 }", "process.substeps=4"], "process.substeps", "contradicts"),
     (["process.shifting={ scheme = 'sub_steps' }"], "process.shifting.scheme", "did you mean 'substeps'?"),
     (["process.shifting={ rotation = true }"], "process.shifting.scheme", "is missing"),

@@ -167,10 +167,10 @@ def test_shifting_may_be_a_word_a_table_or_a_number_of_substeps():
     assert billet().shifting == scene.Shifting(scheme="midpoint")
     assert shifting(shifting="etd2") == scene.Shifting(scheme="etd2")
     assert shifting(substeps=4) == scene.Shifting(scheme="substeps", substeps=4)
-    assert shifting(shifting="substeps") == scene.Shifting(scheme="substeps", substeps=3, rule="midpoint")
+    assert shifting(shifting="substeps") == scene.Shifting(scheme="substeps", substeps=3, rule="plain")
     assert shifting(shifting="substeps", substeps=4) == shifting(substeps=4)
-    plain = shifting(shifting={"scheme": "substeps", "rule": "plain", "rotation": True}, substeps=2)
-    assert (plain.substeps, plain.rule, plain.turns_exactly) == (2, "plain", True)
+    finer = shifting(shifting={"scheme": "substeps", "rule": "midpoint", "rotation": True}, substeps=2)
+    assert (finer.substeps, finer.rule, finer.turns_exactly) == (2, "midpoint", True)
     turned = shifting(shifting={"scheme": "implicit", "rotation": True})
     assert (turned.scheme, turned.turns_exactly) == ("midpoint", True)
     assert [shifting(shifting=word).turns_exactly for word in ("rotation", "explicit")] == [True, False]
@@ -190,7 +190,7 @@ def test_remesh_may_be_a_word_or_a_table():
 EVERYTHING = '''
 [process]
 volume_constancy = "each_step"
-shifting = { scheme = "substeps", substeps = 2, rule = "plain", rotation = true }
+shifting = { scheme = "substeps", substeps = 2, rule = "midpoint", rotation = true }
 [materials.billet]
 damage = { law = "cockcroft_latham", critical = 0.5 }
 [workpieces.billet]

@@ -11,7 +11,8 @@ from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.workpiece import Workpiece, facet_nodes
 from fenics_forming.process import shifting
 from fenics_forming.process.body import FlowingBody
-from fenics_forming.process.integration import SCHEMES, Etd2, Explicit, Flow, Midpoint, Trapezoid
+from fenics_forming.process.integration import Etd2, Explicit, Flow, Midpoint, Trapezoid
+from fenics_forming.process.schemes import SCHEMES
 
 
 def rotation(angle, axis=None):
