@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from .errors import ConvergenceError, SceneError
+from .errors import ConvergenceError, MeshError, SceneError
 from .physics.bodies import body_mesh
 from .physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
 from .physics.nodes import Nodes
@@ -79,6 +79,7 @@ class Simulation:
         self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.process.volume_constancy == "each_step")
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
+        self.keeper = self._mesh_keeper()
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
 
@@ -100,6 +101,17 @@ class Simulation:
         self.warnings += [f"{group}.{name}: lies up to {distance.max():.2g} mm outside the body and starts at its surface"
                           for name, distance in points.distance.items() if distance.max() > OUTSIDE * self.body.size]
         return points
+
+    def _mesh_keeper(self):
+        """What renews the mesh, where the scene asks for it."""
+        if self.scene.workpiece.remesh is None:
+            return None
+        from .process.mesh_keeper import MeshKeeper
+
+        keeper = MeshKeeper(self.scene, mirrors=self.mirrors, mesh_size=self.mesh_size, volume=self.start_volume)
+        if self._saved is not None:
+            keeper.resume(self._saved.scalars["meshing"])
+        return keeper
 
     def _steps(self) -> StepChoice:
         scene = self.scene
@@ -162,6 +174,8 @@ class Simulation:
                 observer.step(recorder.row, "start")
             while (why := self._stopped(state, recorder)) is None:
                 begun = perf_counter()
+                if self.keeper is not None:
+                    state = self._on_a_fit_mesh(state, observer)
                 state, limited_by = self._advance(state, observer)
                 recorder.step(state, limited_by, perf_counter() - begun)
                 observer.step(recorder.row, limited_by)
@@ -217,17 +231,22 @@ class Simulation:
 
     def _advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
-        body = self.body
         if state.time in self._turns:
             state = self._turned(state)
         wanted, shortened, tries = self.scene.stop.height, None, 0     # a height to stop at is hit by secants
+        fresh = self.keeper is None                 # whether a new mesh would be no cure any more
         while True:
             limit, dt, reason = self._length(state, shortened)
+            body = self.body
             height, before, scheme = body.height(), body.snapshot(), copy.copy(self.scheme)
             try:
                 reached, solves, error = self._attempt(state, dt)
             except ConvergenceError as failure:
                 self._go_back(before, scheme, state.time)
+                if not fresh:
+                    state, fresh = self._remeshed(state, failure.sentence, observer), True
+                    if self.body is not body:
+                        continue
                 if not self.choice.failed(state.time, limit.dt):
                     raise ConvergenceError(f"step {state.step + 1} fails however short it is: {failure.sentence}",
                                            history=failure.history, advice=failure.advice) from failure
@@ -243,6 +262,29 @@ class Simulation:
             self.choice.succeeded(error, body.size, body.landing_share())
             self.solves += solves
             return reached, reason
+
+    def _on_a_fit_mesh(self, state: State, observer) -> State:
+        """The state on a new mesh where the present one would not do for the next step."""
+        dt = self.choice.next(state.time, state.flow.rate).dt
+        reason = self.keeper.reason(self.body, state.flow, dt if dt < np.inf else state.dt, state.step)
+        return state if reason is None else self._remeshed(state, reason, observer)
+
+    def _remeshed(self, state: State, reason: str, observer) -> State:
+        """The state on a new mesh, and the flow there; the old ones, and a note, where that fails."""
+        old = self.body
+        try:
+            self.body, history, flow = self.keeper.renew(
+                old, self.scheme, state.history, state.flow, reason=reason, step=state.step, time=state.time,
+                ahead=self.scheme.look_ahead * state.dt)
+        except (MeshError, ConvergenceError) as failure:
+            observer.note(f"step {state.step}: the mesh stays as it is, for a new one failed: {failure}")
+            return state
+        self.solves += 1
+        self.volume_ledger.book(self.keeper.records[-1].volume)
+        self.points = self.points and self.points.relocated(self.nodes)
+        self.lines = self.lines and self.lines.relocated(self.nodes)
+        observer.note(f"step {state.step}: new mesh, {self.keeper.records[-1]}")
+        return replace(state, history=history, flow=flow)
 
     def _length(self, state: State, shortened: float | None) -> tuple[Limit, float, str]:
         """What the steps allow, the length of the step, s, and what set it: also first contact and a wanted height."""
@@ -339,7 +381,8 @@ class Simulation:
             "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
             "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
-            "size": self.body.size, "reach": self.body.reach, "scheme": numbers},
+            "size": self.body.size, "reach": self.body.reach, "scheme": numbers,
+            "meshing": None if self.keeper is None else self.keeper.memory()},
             nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
                    **{f"history.{name}": values for name, values in state.history.items()},
                    **{f"scheme.{name}": values for name, values in remembered.items()}},

@@ -142,6 +142,7 @@ class FlowSolver:
             body.refresh_strain_rate()
         rate = body.point_rate()
         body.set_flow_stress(task.strain, rate, task.temperature)
+        body.stress_from_rate(rate)
         body.cut_stress(rate)
         sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
         flow_stress = float(sums[0] / sums[1])

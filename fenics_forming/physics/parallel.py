@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from ..errors import MeshError
+
 
 def total(comm: MPI.Comm, value):
     """Sum over the ranks, element by element."""
@@ -28,3 +30,17 @@ def _reduced(comm, value, operation):
     result = np.empty_like(local)
     comm.Allreduce(local, result, operation)
     return result if np.ndim(value) else float(result[0])
+
+
+def on_first_rank(comm: MPI.Comm, action):
+    """What ``action()`` returns on rank 0, None elsewhere; a `MeshError` there is raised on every rank. Collective."""
+    answer = problem = None
+    if comm.rank == 0:
+        try:
+            answer = action()
+        except MeshError as error:
+            problem = error
+    told = comm.bcast(None if problem is None else str(problem), 0) if comm.size > 1 else problem
+    if told is not None:
+        raise problem or MeshError(told)
+    return answer

@@ -98,6 +98,7 @@ class Workpiece:
         self.strain_rate = np.zeros((len(nodes.cells) * len(points), kinematics.components))
         self.tau = np.zeros_like(self.strain_rate)
         self.is_cold = True
+        self.stress_is_unknown = False      # of a start whose velocities are known: it follows from them
         self.continuity: RateContinuity | None = None
         self._hardened_at = self._hardened = None      # flow stress of a law without rate, and the strains it is of
         self.last_rate: tuple[np.ndarray, float] | None = None
@@ -221,6 +222,13 @@ class Workpiece:
         self.solution.x.array[self.pressure_dofs[v]] = -mean_stress[v]
         self.is_cold = False
 
+    def guess(self, velocity: np.ndarray, mean_stress: np.ndarray, rate: np.ndarray, rate_scale: float) -> None:
+        """Start the next solve from nodal velocities, mean stresses and effective strain rates found on another mesh; the
+        rates belong to the characteristic rate ``rate_scale``, 1/s. The deviatoric stress follows from the velocities."""
+        self.set_start(velocity, mean_stress)
+        self.last_rate = (self.at_points(rate), rate_scale)
+        self.stress_is_unknown = True
+
     def point_data(self) -> tuple[np.ndarray, np.ndarray]:
         """Per owned cell: deviatoric stress, and the rate that the next solve is tied to, at the integration points."""
         cells = len(self.nodes.cells)
@@ -318,6 +326,12 @@ class Workpiece:
         if self.last_rate is not None and step is not None:
             rate, before = self.last_rate
             self.continuity = RateContinuity(rate * characteristic_rate / before, step)
+
+    def stress_from_rate(self, rate) -> None:
+        """The deviatoric stress that belongs to the strain rates, where it is not known otherwise."""
+        if self.stress_is_unknown:
+            self.tau = (2 * self.sigma / (3 * rate))[:, None] * self.strain_rate
+            self.stress_is_unknown = False
 
     def cut_stress(self, rate) -> None:
         """Cut the independent stress to the flow stress and hand it to the tangent."""

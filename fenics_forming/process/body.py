@@ -261,6 +261,13 @@ class FlowingBody:
         w = self.workpiece
         return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, tools
 
+    def continues(self, other: FlowingBody) -> None:
+        """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
+        self.speed, self.size = other.speed, other.size
+        self.seconds, self.solver.seconds = other.seconds, other.solver.seconds
+        if self.contact is not None:
+            self.contact.reference = other.contact.reference
+
     def restore(self, snapshot: tuple) -> None:
         x, solution, tau, cold, last_rate, tools = snapshot
         w = self.workpiece

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter, process_time
 
@@ -212,7 +213,8 @@ class Recorder:
         run, body, scene = self.run, self.run.body, self.scene
         low, high = run.nodes.extents()
         wall = perf_counter() - self._began
-        parts = {**body.solver.seconds, **body.seconds, **self.seconds}
+        renewed, remeshing = ([], {}) if run.keeper is None else (run.keeper.records, run.keeper.seconds)
+        parts = {**body.solver.seconds, **body.seconds, **self.seconds, **remeshing}
         parts["other"] = max(0.0, wall - sum(parts.values()))
         solves = run.solves
         return {
@@ -224,7 +226,8 @@ class Recorder:
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
             ({"damage": self.damage.summary()} if self.damage is not None else {}),
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
-            "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": 0,
+            "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),
+            "remeshed": [asdict(record) for record in renewed],
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
             "wall_s_by_part": parts,
             "share_outside_assembly_and_solve": 1.0 - (parts["assembly"] + parts["linear solve"]) / wall if wall else 0.0,

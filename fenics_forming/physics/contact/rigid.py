@@ -147,6 +147,14 @@ class RigidContact:
             state.active = state.pressure > 0
             state.slip = law.slip_velocity(state, self.facets.trace(velocity))
 
+    def resume_from_nodes(self, pressures: dict[str, np.ndarray], velocity: np.ndarray, reach: float) -> None:
+        """Start from nodal pressures (nodes,) of every tool, where its gap is at most ``reach``, on the closest points."""
+        memory = {}
+        for tool in self.tools:
+            pressure = np.maximum(self.facets.trace(pressures[tool.name]), 0.0) * (tool.state.gap <= reach)
+            memory[tool.name] = np.column_stack([pressure, pressure > 0, np.zeros_like(tool.state.normal)])
+        self.resume(memory, velocity)
+
     def silence(self) -> None:
         """No traction: for the stiffness of the body alone."""
         dim = self.facets.dim

@@ -11,7 +11,7 @@ from .curve import Curve
 from .gradation import around_loop
 
 LARGEST_TURN = np.radians(45.0)    # of one side: a parabola follows that, and the cells behind it stay valid
-SMALLEST = 0.1                     # of the wanted size: curvature and thin walls refine no further
+SMALLEST = 0.35                     # of the wanted size: curvature and thin walls refine no further
 NEAR = 6.0                         # two walls bound a thin part where the way around is so much longer than across
 
 

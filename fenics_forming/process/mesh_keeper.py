@@ -1,0 +1,138 @@
+"""Keeps the mesh of a run fit: renews it when it is due, and puts the body with its history and flow on the new one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from ..errors import ConvergenceError, MeshError
+from ..physics.gather import scatter_nodal
+from ..scene import Scene
+from .body import FlowingBody
+from .integration import Flow, Scheme
+from .placing import flowing_body
+from .remeshing import Carried, Renewed, renew
+from .triggers import Triggers
+
+QUADRATIC = ("velocity", "positions")     # of what a scheme remembers; all else is as smooth as a rate
+
+
+@dataclass(frozen=True)
+class Record:
+    """A remeshing that was done: after which step, time s, why, cells before and after, what made the mesh, changes of
+    volume by cause mm³, relative change of the integrals of the history, force of every tool before and after N, s."""
+
+    step: int
+    time: float
+    reason: str
+    cells: tuple[int, int]
+    engine: str
+    volume: dict[str, float]
+    conservation: dict[str, float]
+    forces: tuple[list[float], list[float]]
+    seconds: float
+
+    def __str__(self):
+        return f"{self.cells[0]} to {self.cells[1]} cells ({self.engine}): {self.reason}"
+
+
+class MeshKeeper:
+    """Renews the mesh of the workpiece of a scene whose ``remesh`` table asks for it.
+
+    Parameters
+    ----------
+    mirrors : axis → coordinate of the mirror planes
+    mesh_size : of the first mesh, mm
+    volume : of the body at the start, mm³
+    """
+
+    def __init__(self, scene: Scene, *, mirrors: dict[int, float], mesh_size: float, volume: float):
+        self._scene, self._mirrors = scene, mirrors
+        self.settings = scene.workpiece.remesh
+        self._kept_volume = volume if scene.process.volume_constancy else None
+        self._sizes = lambda body, labels, fields: lambda points: np.full(len(points), mesh_size)
+        self.triggers = Triggers(self.settings, scene.dimension)
+        self.records: list[Record] = []
+        self.seconds = {"remeshing": 0.0}
+
+    def memory(self) -> dict:
+        """What a later run goes on from, as JSON can hold it."""
+        return {"step": self.triggers.step, "best": self.triggers.best, "records": [asdict(r) for r in self.records]}
+
+    def resume(self, memory: dict) -> None:
+        """Take over what :meth:`memory` gave."""
+        self.triggers.step, self.triggers.best = memory["step"], memory["best"]
+        self.records = [Record(**record) for record in memory["records"]]
+
+    def reason(self, body: FlowingBody, flow: Flow, dt: float, step: int) -> str | None:
+        """Why the mesh should be renewed before the next step, of ``dt`` s; None if it need not. Collective."""
+        if body.workpiece.is_cold:
+            return None
+        return self.triggers.reason(body, flow.velocity, dt, step)
+
+    def renew(self, body: FlowingBody, scheme: Scheme, history: dict, flow: Flow, *, reason: str, step: int, time: float,
+              ahead: float) -> tuple[FlowingBody, dict, Flow]:
+        """Body, history and flow on a new mesh; ``scheme`` goes on with its memory there. Collective.
+
+        Raises
+        ------
+        MeshError, ConvergenceError
+            if no mesh can be made, or no flow found on it; the body is as it was then.
+        """
+        numbers, remembered = scheme.memory()
+        made = renew(body, _carried(body, history, flow, remembered), mirrors=self._mirrors, sizes=self._sizes,
+                     chord=self.settings.chord, engine=self.settings.engine, kept_volume=self._kept_volume)
+        before = [(tool.state, tool.traction) for tool in body.tools]
+        forces = _forces(body)
+        try:
+            new = flowing_body(self._scene, made.mesh, body.tools, self._mirrors)
+            local = _scattered(new, made)
+            history = {name: local[f"history.{name}"] for name in history}
+            flow = _flow(new, body, history, local, time, ahead)
+        except (MeshError, ConvergenceError):
+            for tool, (state, traction) in zip(body.tools, before, strict=True):
+                tool.state, tool.traction = state, traction
+            raise
+        scheme.remember(numbers, {name: local[f"scheme.{name}"] for name in remembered})
+        self.triggers.renewed(step, new)
+        self.seconds["remeshing"] += made.seconds
+        self.records.append(Record(step, time, reason, made.cells, made.engine, made.volume, made.conservation,
+                                   (forces, _forces(new)), made.seconds))
+        return new, history, flow
+
+
+def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> Carried:
+    """What the new mesh needs: history, flow and contact pressures for the start of the solve, memory of the scheme."""
+    w = body.workpiece
+    carried = Carried({f"history.{name}": values for name, values in history.items()}, {"velocity": flow.velocity})
+    carried.linear |= {"mean_stress": w.mean_stress, "rate": flow.rate}
+    for tool in body.tools:
+        carried.linear[f"pressure.{tool.name}"] = body.contact.facets.to_nodes(tool.state.pressure, body.contact.weights)
+    for name, values in remembered.items():
+        (carried.quadratic if name in QUADRATIC else carried.linear)[f"scheme.{name}"] = values
+    return carried
+
+
+def _scattered(body: FlowingBody, made: Renewed) -> dict[str, np.ndarray]:
+    """The carried fields at the nodes of this rank; linear ones with the mean of their edge at mid-nodes."""
+    comm, nodes = body.nodes.comm, body.nodes
+    names = comm.bcast(None if made.fields is None else list(made.fields), 0)
+    local = {name: scatter_nodal(nodes, None if made.fields is None else made.fields[name]) for name in names}
+    return {name: values if name.split(".")[-1] in QUADRATIC else nodes.with_mids(values) for name, values in local.items()}
+
+
+def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: float, ahead: float) -> Flow:
+    """The flow on the new mesh, from the one on the old."""
+    new.continues(old)
+    new.place(time)
+    new.search(ahead)
+    w, rate_scale = new.workpiece, old.workpiece.last_rate[1]
+    w.guess(local["velocity"], local["mean_stress"], local["rate"], rate_scale)
+    new.contact.resume_from_nodes({t.name: local[f"pressure.{t.name}"] for t in new.tools}, local["velocity"], new.reach)
+    return replace(new.solve(time, history, ahead))
+
+
+def _forces(body: FlowingBody) -> list[float]:
+    """Size of the force of every tool, N."""
+    return [float(np.linalg.norm(body.contact.force(tool))) for tool in body.tools]

@@ -1,0 +1,153 @@
+"""Renewing the mesh of a body: shape, history and flow are carried over to a new one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+from dolfinx.mesh import Mesh
+
+from ..physics.gather import gather_cells, gather_nodal
+from ..physics.meshing import from_arrays
+from ..physics.nodes import EDGES
+from ..physics.parallel import on_first_rank
+from ..physics.remeshing import BodyArrays, Remeshed, remesh
+from .body import FlowingBody
+from .transfer import Transfer, conservation
+from .volume import FreeSurface
+
+
+@dataclass
+class Carried:
+    """Nodal fields (nodes, …) that go from one mesh to the next, by name.
+
+    linear : history and stresses, which keep their bounds · quadratic : velocities and positions, which keep their order
+    """
+
+    linear: dict[str, np.ndarray] = field(default_factory=dict)
+    quadratic: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def gathered(self, nodes) -> Carried:
+        """The same on rank 0, whole; None for every field elsewhere. Collective."""
+        return Carried(*({name: gather_nodal(nodes, values) for name, values in kind.items()}
+                         for kind in (self.linear, self.quadratic)))
+
+
+@dataclass(frozen=True)
+class Renewed:
+    """A new mesh and what was carried to its nodes, rows in the order in which the mesh was given (rank 0 only).
+
+    volume : changes, mm³ (mm² in plane strain), by cause: "remeshing", "corners", "given back"
+    conservation : relative change of the integral of every linear field
+    """
+
+    mesh: Mesh
+    fields: dict[str, np.ndarray] | None
+    volume: dict[str, float]
+    conservation: dict[str, float]
+    cells: tuple[int, int]
+    engine: str
+    seconds: float
+
+
+def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], sizes, chord: float | None, engine: str,
+          kept_volume: float | None) -> Renewed:
+    """A new mesh for the present shape of ``body``, with the fields ``carried`` on its nodes. Collective.
+
+    Everything geometric happens on rank 0, so that the mesh does not depend on the number of ranks: new mesh on the old
+    boundary, boundary nodes back onto the tools, volume restored, and only then, at the final positions, the transfer.
+
+    Parameters
+    ----------
+    mirrors : axis → coordinate of the mirror planes
+    sizes : f(BodyArrays, labels, fields by name) → wanted size at points, mm, see ``adaptation``
+    kept_volume : volume to be restored by a uniform offset of the free surface, mm³; None: left as it comes
+
+    Raises
+    ------
+    MeshError
+        if no engine can mesh the body.
+    """
+    start = perf_counter()
+    nodes, kinematics = body.nodes, body.workpiece.kinematics
+    x, cells = gather_nodal(nodes, nodes.x), gather_cells(nodes)
+    given = carried.gathered(nodes)
+
+    def make():
+        old = BodyArrays(x, cells)
+        labels = side_labels(old, body.tools, mirrors, body.reach)
+        made = remesh(old, labels, sizes(old, labels, given.linear | given.quadratic), chord=chord, engine=engine)
+        surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
+        volumes = [FreeSurface.of_arrays(x, cells, old.sides, kinematics, mirrors).volume(x), surface.volume(made.x)]
+        placed = put_back(made, body.tools, mirrors)
+        volumes.append(surface.volume(placed))
+        if kept_volume is not None:
+            surface.offset_to(kept_volume, placed, body.tools)
+        volumes.append(surface.volume(placed))
+        moved = Transfer(old, placed)
+        fields = {name: moved.linear(values) for name, values in given.linear.items()}
+        fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
+        lost = conservation(old, BodyArrays(placed, made.cells), {
+            name: (given.linear[name], fields[name]) for name in given.linear if name.startswith("history.")},
+            axisymmetric=kinematics.name == "axisymmetric")
+        change = dict(zip(("remeshing", "corners", "given back"), np.diff(volumes).tolist(), strict=True))
+        return placed, made, fields, change, lost
+
+    found = on_first_rank(nodes.comm, make)
+    placed, made, fields, volume, lost = found or (np.empty((0, nodes.dim)), None, None, {}, {})
+    new_cells = made.cells if made is not None else np.empty((0, cells_width(nodes.dim)), np.int64)
+    mesh = from_arrays(placed, new_cells, nodes.comm)
+    told = (volume, lost, (len(cells), len(new_cells)) if made is not None else (), made and made.engine)
+    volume, lost, counts, used = nodes.comm.bcast(told, 0)
+    return Renewed(mesh, fields, volume, lost, counts, used, perf_counter() - start)
+
+
+def cells_width(dim: int) -> int:
+    """Nodes of a cell of order 2."""
+    return dim + 1 + len(EDGES[dim])
+
+
+def side_labels(body: BodyArrays, tools, mirrors: dict[int, float], reach: float) -> np.ndarray:
+    """Label of every boundary side: 0 free, k on the k-th tool, -1 - axis on a mirror plane (see ``physics.remeshing``)."""
+    labels = np.zeros(len(body.sides), dtype=np.int64)
+    numbers, rows = np.unique(body.sides, return_inverse=True)
+    rows = rows.reshape(body.sides.shape)
+    for k, tool in enumerate(tools, start=1):
+        gap, _ = tool.gap(body.x[numbers])
+        labels[(np.abs(gap) <= reach)[rows].all(axis=1)] = k
+    size = np.ptp(body.x, axis=0).max()
+    for axis, value in mirrors.items():
+        on_plane = np.abs(body.x[numbers, axis] - value) < 1e-8 * size
+        labels[on_plane[rows].all(axis=1)] = -1 - axis
+    return labels
+
+
+def put_back(made: Remeshed, tools, mirrors: dict[int, float]) -> np.ndarray:
+    """Positions with the boundary nodes on their tools: those of pressed sides exactly, others where they have sunk in.
+
+    Inner mid-nodes go half of the way of their neighbours; nodes on mirror planes stay there.
+    """
+    x = made.x.copy()
+    free = np.unique(made.sides[made.labels >= 0])
+    for k, tool in enumerate(tools, start=1):
+        held = np.unique(made.sides[made.labels == k])
+        gap, normal = tool.gap(x[free])
+        off = (gap < 0) | np.isin(free, held)
+        x[free[off]] -= gap[off, None] * normal[off]
+    for axis, value in mirrors.items():
+        x[np.unique(made.sides[made.labels == -1 - axis]), axis] = value
+    return follow(made, x)
+
+
+def follow(made: BodyArrays, x: np.ndarray) -> np.ndarray:
+    """Move the inner mid-nodes, in place, by half of what the ends of their edges have moved."""
+    dim = made.dim
+    moved = x - made.x
+    ends = made.cells[:, np.array(EDGES[dim])]                        # cells, edges, 2
+    mids = made.cells[:, dim + 1:]
+    inner = np.ones(len(x), dtype=bool)
+    inner[made.sides] = False
+    chosen = inner[mids]
+    x[mids[chosen]] = made.x[mids[chosen]] + 0.5 * moved[ends[chosen]].sum(axis=1)
+    return x

@@ -1,0 +1,68 @@
+"""When a mesh is to be renewed: measured before the step, on the shape that the step will lead to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..physics.parallel import lowest
+from ..physics.remeshing import quality
+from ..physics.surface import Surface
+from ..scene.meshes import Remesh
+from .body import FlowingBody
+from .penetration import corner_undercut, side_penetration
+
+
+@dataclass
+class Triggers:
+    """The limits of a scene, and what is remembered of the last remeshing.
+
+    settings : the scene's ``remesh`` table · dim : 2 or 3
+    step : of the last remeshing · best : least quality that it gave
+    """
+
+    settings: Remesh
+    dim: int
+    step: int = 0
+    best: float = 1.0
+
+    def reason(self, body: FlowingBody, velocity: np.ndarray, dt: float, step: int) -> str | None:
+        """Why the mesh should be renewed before the next step of ``dt``, s; None if it is good enough. Collective."""
+        limits = self.settings
+        if limits.every is not None and step - self.step >= limits.every:
+            return f"{limits.every} steps have passed"
+        if step - self.step < limits.least_steps:
+            return None
+        return self._shape(body, velocity, dt) or self._tools(body)
+
+    def _shape(self, body: FlowingBody, velocity: np.ndarray, dt: float) -> str | None:
+        nodes = body.nodes
+        x = nodes.x + dt * velocity
+        least = lowest(nodes.comm, float(quality.radius_ratio(x, nodes.vertices).min(initial=1.0)))
+        # a new mesh that is not above the limit itself (a sharp wedge) is renewed when it has become clearly worse
+        limit = min(self.settings.quality_limit(self.dim), 0.7 * self.best)
+        if least < limit:
+            return f"quality {least:.2f} is below {limit:.2f}"
+        jacobian = lowest(nodes.comm, float(quality.scaled_jacobian(x, nodes.cells).min(initial=1.0)))
+        if jacobian < LEAST_JACOBIAN:
+            return f"a curved cell is nearly inverted (Jacobian {jacobian:.2f})"
+        return None
+
+    def _tools(self, body: FlowingBody) -> str | None:
+        surface = Surface.of(body.nodes, body.workpiece.kinematics)
+        for measure, what in ((side_penetration, "a side has sunk into '{}'"),
+                              (corner_undercut, "a corner of '{}' has sunk in")):
+            for name, depths in measure(surface, body.x, body.tools).items():
+                if depths.worst > self.settings.penetration:
+                    return f"{what.format(name)} by {depths.worst:.2f} of the element size"
+        return None
+
+    def renewed(self, step: int, body: FlowingBody) -> None:
+        """Remember a remeshing and the quality that it gave. Collective."""
+        nodes = body.nodes
+        self.step = step
+        self.best = lowest(nodes.comm, float(quality.radius_ratio(nodes.x, nodes.vertices).min(initial=1.0)))
+
+
+LEAST_JACOBIAN = 0.1    # of the scaled Jacobian of a curved cell (1: straight); 0 is inverted
