@@ -13,6 +13,9 @@ PASSES = 6
 LARGEST = {2: 1.6, 3: 1.8}      # times the wanted size that any cell may have: gmsh leaves up to that
 LARGE = {2: 1.4, 3: 1.5}        # times that only
 FEW = 0.05                      # of all cells may have
+DENSITY = {2: 2.43, 3: 7.35}    # cells that gmsh cuts a square or cube of side 1 into, times (size)^dim
+COUNT_ERROR = 0.12              # of the number of cells, against what the sizes come to by that
+SETTLED = 0.03                  # change of the number of cells after which another pass brings nothing
 
 
 def refine(gmsh, dim: int, wanted) -> None:
@@ -22,16 +25,23 @@ def refine(gmsh, dim: int, wanted) -> None:
     ----------
     wanted : callable, a `BodyArrays` to the wanted size at its nodes, (n,) mm; only those of vertices are read
     """
-    view = None
+    view, scale, before = None, 1.0, 0
     try:
         for _ in range(PASSES):
             gmsh.model.mesh.setOrder(2)
             body = BodyArrays(*arrays(gmsh, dim))
             size = wanted(body)
-            ratio = cell_sizes(body) / size[body.cells[:, : dim + 1]].mean(axis=1)
-            if ratio.max() <= LARGEST[dim] and np.mean(ratio > LARGE[dim]) <= FEW:
+            wanted_size = size[body.cells[:, : dim + 1]].mean(axis=1)
+            ratio = cell_sizes(body) / wanted_size
+            count = len(ratio) / (DENSITY[dim] * (cell_volumes(body) / wanted_size**dim).sum())
+            fits = view is None or abs(count - 1) < COUNT_ERROR or abs(len(ratio) - before) < SETTLED * before
+            before = len(ratio)
+            if fits and ratio.max() <= LARGEST[dim] and np.mean(ratio > LARGE[dim]) <= FEW:
                 return
-            view = _background(gmsh, body, size, view)
+            # where sizes change gmsh makes too few cells, by half in space; where nothing is finer they are right
+            scale = 1.0 if view is None else scale * np.clip(count, 0.5, 1.5) ** (1 / dim)
+            coarse = (size / size[np.isfinite(size)].max()) ** 2
+            view = _background(gmsh, body, size * scale ** (1 - np.minimum(coarse, 1.0)), view)
             gmsh.model.mesh.clear()
             gmsh.model.mesh.generate(dim)
         gmsh.model.mesh.setOrder(2)
@@ -42,9 +52,14 @@ def refine(gmsh, dim: int, wanted) -> None:
 
 def cell_sizes(body: BodyArrays) -> np.ndarray:
     """Side of the regular triangle or tetrahedron of the same size as each cell, (m,) mm."""
+    volume = cell_volumes(body)
+    return np.sqrt(4 / np.sqrt(3) * volume) if body.dim == 2 else np.cbrt(6 * np.sqrt(2) * volume)
+
+
+def cell_volumes(body: BodyArrays) -> np.ndarray:
+    """Of the straight cells, (m,) mm² or mm³."""
     p = body.x[body.cells[:, : body.dim + 1]]
-    double = np.abs(np.linalg.det(p[:, 1:] - p[:, :1]))
-    return np.sqrt(2 / np.sqrt(3) * double) if body.dim == 2 else np.cbrt(np.sqrt(2) * double)
+    return np.abs(np.linalg.det(p[:, 1:] - p[:, :1])) / {2: 2, 3: 6}[body.dim]
 
 
 def _background(gmsh, body, size, old: int | None) -> int:
