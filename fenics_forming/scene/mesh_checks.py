@@ -35,8 +35,7 @@ def mesh_warnings(scene):
 def estimated_dofs(dimension, measure, mesh_size):
     """Unknowns of a P2-P1 mesh of equilateral cells of size h: 10.4 A / h^2 in 2-D, 35 V / h^3 in 3-D.
 
-    2-D: 2.31 A/h^2 triangles with 4.5 unknowns each; 3-D: 1200 tetrahedra in a cube at h = 0.19 V^(1/3)
-    (FORMULATION.md 8) with 4.3 unknowns each.
+    2-D: 2.31 A/h^2 triangles with 4.5 unknowns each; 3-D: 8 V/h^3 tetrahedra with 4.3 unknowns each.
     """
     return 10.4 * measure / mesh_size**2 if dimension == 2 else 35 * measure / mesh_size**3
 
