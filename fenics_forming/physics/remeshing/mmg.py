@@ -56,7 +56,7 @@ def plane(points: np.ndarray, sides: np.ndarray, size: np.ndarray,
     x[new] = points[sides]           # mmg scales the body: rounding
     cells, part = (np.asarray(a) for a in mesh.get_triangles_with_refs())
     cells = cells.astype(np.int64)
-    return x, cells if triangles is not None else _inside(cells, part, new, len(x)), new
+    return (x, cells, new) if triangles is not None else _inside(x, cells, part, new)
 
 
 def _directed(x: np.ndarray, sides: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -65,11 +65,16 @@ def _directed(x: np.ndarray, sides: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.where((there <= back)[:, None], sides, sides[:, ::-1])
 
 
-def _inside(triangles: np.ndarray, part: np.ndarray, sides: np.ndarray, count: int) -> np.ndarray:
-    """The triangles of the parts that lie on the left of sides; holes lie on the right."""
-    key = sides[:, 0] * count + sides[:, 1]
-    directed = triangles * count + np.roll(triangles, -1, axis=1)
-    return triangles[np.isin(part, part[np.isin(directed, key).any(axis=1)])]
+def _inside(x: np.ndarray, triangles: np.ndarray, part: np.ndarray,
+            sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Without the parts that lie on the right of the sides, the holes, and the vertices in them."""
+    key = sides[:, 0] * len(x) + sides[:, 1]
+    directed = triangles * len(x) + np.roll(triangles, -1, axis=1)
+    triangles = triangles[np.isin(part, part[np.isin(directed, key).any(axis=1)])]
+    used = np.zeros(len(x), dtype=bool)
+    used[triangles] = used[sides] = True
+    number = np.cumsum(used) - 1
+    return x[used], number[triangles], number[sides]
 
 
 def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:

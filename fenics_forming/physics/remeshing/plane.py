@@ -9,6 +9,7 @@ from ..meshing import split_corner_cells
 from . import mmg
 from .body_arrays import BodyArrays, Remeshed, boundary_sides, keys
 from .corner_cells import turned
+from .crossing import crossing
 from .curve import Curve
 from .filling import fill
 from .gradation import edges_of, over_mesh
@@ -24,18 +25,22 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
            engine: str) -> Remeshed:
     """See `fenics_forming.physics.remeshing.remesh`.
 
-    Where an engine fails, a boundary of coarse sides may cut itself: the next attempt has finer ones. Where a cell
-    has no room for the curve of its side, only that side gets finer.
+    Coarse sides may cross each other and a cell may have no room for the curve of its side: such sides get finer
+    in the next attempt; where an engine fails, all sides do.
     """
     curves = [[Curve(chain) for chain in loop] for loop in loops(body, labels, corner_angle)]
     boundary = Boundary(curves, sizes, _around(body, sizes), chord)
-    best, room, reasons = None, 0.0, []
+    best, room, reasons = None, 0.0, {}
     for _ in range(ATTEMPTS):
         outline = boundary.resample()
+        crossed = crossing(outline.points, outline.sides)
+        if crossed.any():
+            place = ", ".join(f"{c:.6g}" for c in outline.points[outline.sides[np.argmax(crossed), 0]])
+            reasons["boundary"] = f"its boundary crosses itself at ({place}) mm"
+            boundary.refine(outline.spans[crossed])
+            continue
         found = _filled(outline, sizes, engine, reasons)
         if found is None:
-            if best is not None:
-                break
             boundary.refine()
             continue
         new, spans, least = found
@@ -45,8 +50,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
             break
         boundary.refine(spans)
     if best is None:
-        raise MeshError(f"the body could not be meshed anew ({'; '.join(dict.fromkeys(reasons))}); "
-                        "its boundary may cross itself")
+        raise MeshError(f"the body could not be meshed anew: {'; '.join(reasons.values())}")
     return best
 
 
@@ -61,22 +65,26 @@ def _around(body: BodyArrays, sizes) -> np.ndarray:
     return over_mesh(size, *edges_of(body.x, triangles))
 
 
-def _filled(outline: Outline, sizes, engine: str, reasons: list[str]) -> tuple[Remeshed, np.ndarray, float] | None:
+def _filled(outline: Outline, sizes, engine: str, reasons: dict[str, str]) -> tuple[Remeshed, np.ndarray, float] | None:
     """The first mesh that an engine gives, the spans of the sides at cells without room, the least scaled Jacobian."""
     for name in _engines(engine):
         try:
             x, triangles, sides = fill(outline, sizes, name)
         except RuntimeError as error:
-            reasons.append(f"{name}: {error}")
+            reasons[name] = f"{name}: {error}"
             continue
         new = _order_two(x, turned(x, triangles, sides), sides, outline, name)
         room = scaled_jacobian(new.x, new.cells)
+        if room.min() <= 0.0:
+            reasons[name] = f"{name}: a curved side folds its cell over"
         near = np.isin(sides, new.cells[room < FLATTEST]).any(axis=1)
         return new, outline.spans[near], float(room.min())
     return None
 
 
 def _engines(engine: str) -> list[str]:
+    if engine == "mmg" and not mmg.installed():
+        raise MeshError("mmg is to mesh the body anew, but mmgpy is not installed; 'auto' and 'gmsh' do without it")
     return (["mmg"] if mmg.installed() else []) + ["gmsh"] if engine == "auto" else [engine]
 
 

@@ -11,7 +11,7 @@ from .curve import Curve
 from .gradation import around_loop
 
 LARGEST_TURN = np.radians(45.0)    # of one side: a parabola follows that, and the cells behind it stay valid
-SMALLEST = 0.35                     # of the wanted size: curvature and thin walls refine no further
+SMALLEST = 0.35                    # of the wanted size: what the body's shape asks for beyond that is not done
 NEAR = 6.0                         # two walls bound a thin part where the way around is so much longer than across
 
 
@@ -106,13 +106,12 @@ class Boundary:
         asked = np.minimum(np.asarray(sizes(points), dtype=float),
                            np.concatenate([c.interpolate(around) for c in self.curves]))
         curvature = np.concatenate([c.curvature() for c in self.curves])
+        length = np.concatenate([np.full(len(c.s), c.length) for c in self.curves])
+        reach = min(float(asked.max()), 0.5 * float(np.ptp(points, axis=0).max()))
         with np.errstate(divide="ignore"):
-            h = LARGEST_TURN / curvature
-            if chord is not None:
-                h = np.minimum(h, np.sqrt(8.0 * chord / curvature))
-        h = np.minimum(h, np.concatenate([np.full(len(c.s), c.length) for c in self.curves]))
-        h = np.minimum(h, self._thickness(points, min(float(asked.max()), 0.5 * float(np.ptp(points, axis=0).max()))))
-        return np.clip(h, SMALLEST * asked, asked)
+            least = np.minimum(np.minimum(LARGEST_TURN / curvature, length), self._thickness(points, reach))
+            h = np.clip(least, SMALLEST * asked, asked)
+            return h if chord is None else np.minimum(h, np.sqrt(8.0 * chord / curvature))
 
     def _graded(self, h: np.ndarray) -> np.ndarray:
         """The same, growing along each loop at the rate of the sizes."""

@@ -1,0 +1,30 @@
+"""Sides that cross each other: an engine that is given such a boundary may crash or never return."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+TOUCH = 1e-9          # of the length of a side
+
+
+def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """The sides, (f, 2) vertices, that cross or touch another one with which they share no vertex: (f,) bool."""
+    start, end = points[sides[:, 0]], points[sides[:, 1]]
+    length, middle = np.linalg.norm(end - start, axis=1), 0.5 * (start + end)
+    i, j = cKDTree(middle).query_pairs(length.max(), output_type="ndarray").T
+    near = np.linalg.norm(middle[j] - middle[i], axis=1) <= 0.5 * (length[i] + length[j])
+    near &= (sides[i][:, :, None] != sides[j][:, None, :]).all(axis=(1, 2))
+    i, j = i[near], j[near]
+    meet = _apart(start[i], end[i], start[j], end[j]) & _apart(start[j], end[j], start[i], end[i])
+    found = np.zeros(len(sides), dtype=bool)
+    found[i[meet]] = found[j[meet]] = True
+    return found
+
+
+def _apart(a: np.ndarray, b: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Whether p and q lie on different sides of the line through a and b, or one of them on it."""
+    way = b - a
+    to_p, to_q = (way[:, 0] * (r - a)[:, 1] - way[:, 1] * (r - a)[:, 0] for r in (p, q))
+    on_it = TOUCH * (way**2).sum(axis=1)
+    return (to_p * to_q <= 0.0) | (np.minimum(abs(to_p), abs(to_q)) <= on_it)
