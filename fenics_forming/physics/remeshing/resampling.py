@@ -11,7 +11,9 @@ from .curve import Curve
 from .gradation import around_loop
 
 LARGEST_TURN = np.radians(45.0)    # of one side: a parabola follows that, and the cells behind it stay valid
-SMALLEST = 0.35                    # of the wanted size: what the body's shape asks for beyond that is not done
+# of the wanted size: what the shape of the body asks for beyond that is not done
+SMALLEST = 0.35                    # where it turns or a run between two features is short
+THINNEST = 0.1                     # where it is thin: cells of more than its thickness would be flat
 NEAR = 6.0                         # two walls bound a thin part where the way around is so much longer than across
 
 
@@ -109,9 +111,11 @@ class Boundary:
         length = np.concatenate([np.full(len(c.s), c.length) for c in self.curves])
         reach = min(float(asked.max()), 0.5 * float(np.ptp(points, axis=0).max()))
         with np.errstate(divide="ignore"):
-            least = np.minimum(np.minimum(LARGEST_TURN / curvature, length), self._thickness(points, reach))
-            h = np.clip(least, SMALLEST * asked, asked)
-            return h if chord is None else np.minimum(h, np.sqrt(8.0 * chord / curvature))
+            h = np.maximum(np.minimum(LARGEST_TURN / curvature, length), SMALLEST * asked)
+            h = np.minimum(h, np.maximum(self._thickness(points, reach), THINNEST * asked))
+            if chord is not None:
+                h = np.minimum(h, np.sqrt(8.0 * chord / curvature))
+        return np.minimum(h, asked)
 
     def _graded(self, h: np.ndarray) -> np.ndarray:
         """The same, growing along each loop at the rate of the sizes."""
