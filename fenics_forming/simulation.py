@@ -21,6 +21,7 @@ from .process.placing import flowing_body, mirror_planes
 from .process.schemes import scheme_of
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
+from .results.folds import FoldRecord
 from .results.ledger import VolumeLedger
 from .results.progress import Silent
 from .results.recorder import Recorder
@@ -77,8 +78,10 @@ class Simulation:
                                                    for name, line in scene.flow_lines.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.process.volume_constancy == "each_step")
+        self.folds = FoldRecord()
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
+            self.folds.remember(self._saved.scalars["folds"])
         self.keeper = self._mesh_keeper()
         self.solves = 1
         self.seconds_to_build = perf_counter() - start
@@ -379,6 +382,7 @@ class Simulation:
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
             "points": _listed(self.points), "flow_lines": _listed(self.lines),
             "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
+            "folds": self.folds.memory(),
             "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers,

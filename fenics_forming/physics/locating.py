@@ -233,8 +233,8 @@ class Locator:
         free = np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])[side]    # (p, dim)
         for _ in range(TURNS):
             miss = points - np.einsum("pa,pad->pd", quadratic_shapes(inner, self.dim), x)
-            by_coordinate = _by_coordinate(inner, x)
-            tangents = by_coordinate[rows[:, None], free[:, 1:]] - by_coordinate[rows, free[:, 0]][:, None]
+            slope = by_coordinate(inner, x)
+            tangents = slope[rows[:, None], free[:, 1:]] - slope[rows, free[:, 0]][:, None]
             metric = np.matmul(tangents, np.swapaxes(tangents, 1, 2))
             whole = np.maximum(np.trace(metric, axis1=1, axis2=2), np.finfo(float).tiny ** 0.5)
             metric += ROUND_OFF * whole[:, None, None] * np.eye(self.dim - 1)      # a flat facet stops no one
@@ -293,12 +293,12 @@ def slopes(inner, dim):
     return out
 
 
-def _by_coordinate(inner, x):
-    """Derivatives of the quadratic map with respect to each barycentric coordinate, (p, dim + 1, component)."""
-    return np.matmul(np.swapaxes(slopes(inner, x.shape[2]), 1, 2), x)
+def by_coordinate(inner, x):
+    """Derivatives of the quadratic map of cells or sides by each barycentric coordinate, (p, coordinates, component)."""
+    return np.matmul(np.swapaxes(slopes(inner, inner.shape[1] - 1), 1, 2), x)
 
 
 def _tangents(inner, x):
     """Derivatives of the quadratic map with respect to the local coordinates, (p, local, component)."""
-    by_coordinate = _by_coordinate(inner, x)
-    return by_coordinate[:, 1:] - by_coordinate[:, :1]
+    slope = by_coordinate(inner, x)
+    return slope[:, 1:] - slope[:, :1]

@@ -155,7 +155,7 @@ class Nodes:
 
 
 # vertices of the edges in basix order, which is that of the mid-nodes
-EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
+EDGES = {1: ((0, 1),), 2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
 
 
 def mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:

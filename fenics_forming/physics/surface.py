@@ -12,12 +12,14 @@ import numpy as np
 from mpi4py import MPI
 
 from .kinematics import Kinematics
+from .locating import by_coordinate
 from .meshing import exterior_facets
-from .nodes import EDGES, Nodes
+from .nodes import EDGES, Nodes, quadratic_shapes
 from .parallel import total
 
 # vertices of the facets of a cell whose Jacobian is positive: body on the left (2-D), normal outwards (3-D)
 FACETS = {2: ((1, 2), (2, 0), (0, 1)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+FOOT_STEPS = 6
 DEGREE = {2: 5, 3: 4}      # of r² dz and of x · n dA on a quadratic side
 
 
@@ -78,6 +80,42 @@ class Surface:
         """Length (mm) or area (mm²) of every side, (f,)."""
         return np.linalg.norm(self._area_vectors(self._gradient, x[self.sides]), axis=-1) @ self._weights
 
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        """Length of every side, of a facet the edge of an equal triangle with equal sides, (f,), mm."""
+        size = self.sizes(x)
+        return size if self.dim == 2 else np.sqrt(size * 4 / np.sqrt(3))
+
+    def centres(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Middle of every side, (f, dim) mm, and the outward unit normal there, (f, dim)."""
+        at, tangents = self._at(np.full((len(self.sides), self.dim), 1.0 / self.dim), x[self.sides])
+        normal = _across(np.moveaxis(tangents, 1, 0))
+        return at, normal / _lengths(normal)[:, None]
+
+    def foot(self, p: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the perpendicular from each point (k, dim) meets the side beside it, with nodes ``p`` (k, 3 | 6, dim).
+
+        Returns
+        -------
+        (k, dim) foot, (k, dim) outward unit normal there, (k,) whether it lies within the side
+        """
+        inner = np.full((len(p), self.dim), 1.0 / self.dim)
+        for _ in range(FOOT_STEPS):
+            at, tangents = self._at(inner, p)
+            metric = np.matmul(tangents, np.swapaxes(tangents, 1, 2))
+            metric += 1e-12 * np.trace(metric, axis1=1, axis2=2)[:, None, None] * np.eye(self.dim - 1)
+            along = np.einsum("kti,ki->kt", tangents, points - at)
+            step = np.clip(np.linalg.solve(metric, along[..., None])[..., 0], -1.0, 1.0)
+            inner[:, 1:] += step
+            inner[:, 0] -= step.sum(axis=1)
+        at, tangents = self._at(inner, p)
+        normal = _across(np.moveaxis(tangents, 1, 0))
+        return at, normal / _lengths(normal)[:, None], (inner > -1e-6).all(axis=1)
+
+    def _at(self, inner: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (k, dim) at barycentric coordinates of the sides p, and the tangents there (k, dim - 1, dim)."""
+        slope = by_coordinate(inner, p)
+        return np.einsum("ka,kai->ki", quadratic_shapes(inner, self.dim - 1), p), slope[:, 1:] - slope[:, :1]
+
     def points_of(self, x: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Points of every side at the ``local`` coordinates (p, dim - 1): (f, p, dim)."""
         return np.matmul(self._element.tabulate(0, local)[0, :, :, 0], x[self.sides])
@@ -101,16 +139,20 @@ class Surface:
         """Whether a node lies on one of the ``chosen`` sides of any rank, (count,). Collective."""
         return self.summed(np.bincount(self.sides[chosen].ravel(), minlength=count).astype(float)) > 0
 
+    def numbering(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the nodes that all ranks share, (count,), and which of them this rank owns, (count,)."""
+        if self._nodes is None:
+            return np.arange(count), np.ones(count, bool)
+        nodes = self._nodes.mesh.geometry.index_map()
+        return nodes.local_to_global(np.arange(count, dtype=np.int32)), np.arange(count) < nodes.size_local
+
     def summed(self, nodal: np.ndarray) -> np.ndarray:
         """The contributions of all ranks at their common nodes together: (n[, k]) in, the same out. Collective."""
         return nodal if self._nodes is None else self._nodes.sum_at_all(nodal)
 
     def _area_vectors(self, gradient: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Outward normals, as long as the surface is stretched, at points of the sides p (f, nodes, dim)."""
-        tangents = [np.matmul(g, p) for g in gradient]
-        if self.dim == 2:
-            return np.stack([tangents[0][..., 1], -tangents[0][..., 0]], axis=-1)
-        return np.cross(tangents[0], tangents[1])
+        return _across([np.matmul(g, p) for g in gradient])
 
 
 def facet_sides(nodes: Nodes, facets: np.ndarray) -> np.ndarray:
@@ -128,14 +170,20 @@ def sides_of(cells: np.ndarray, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Nodes of one facet (f,) of each of the cells (f, 6 | 10), basix order, turned as `Surface` wants them."""
     dim = x.shape[1]
     mid = {frozenset(e): dim + 1 + i for i, e in enumerate(EDGES[dim])}
-    own = EDGES[2] if dim == 3 else ((0, 1),)
-    table = np.array([[*f, *(mid[frozenset((f[a], f[b]))] for a, b in own)] for f in FACETS[dim]])
+    table = np.array([[*f, *(mid[frozenset((f[a], f[b]))] for a, b in EDGES[dim - 1])] for f in FACETS[dim]])
     p = x[cells[:, : dim + 1]]
     nodes = table[facet]
     mirrored = np.linalg.det(p[:, 1:] - p[:, :1]) < 0
     # exchanging the first two vertices turns a facet over; in 3-D the mid-nodes opposite to them go along
     nodes[mirrored] = nodes[mirrored][:, {2: [1, 0, 2], 3: [1, 0, 2, 4, 3, 5]}[dim]]
     return np.take_along_axis(cells, nodes, axis=1)
+
+
+def _across(tangents) -> np.ndarray:
+    """The vector across the tangents (dim - 1 arrays (..., dim)) of a side, outwards, as long as it is stretched."""
+    if len(tangents) == 1:
+        return np.stack([tangents[0][..., 1], -tangents[0][..., 0]], axis=-1)
+    return np.cross(tangents[0], tangents[1])
 
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:

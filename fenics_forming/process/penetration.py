@@ -47,7 +47,7 @@ def side_penetration(surface: Surface, x: np.ndarray, tools) -> dict[str, Depths
     tools : ``KnownTool`` at their present places
     """
     points = surface.points_of(x, SAMPLES[surface.dim])
-    size = side_sizes(surface, x)
+    size = surface.lengths(x)
     found = {}
     for tool in tools:
         gap = tool.gap(points.reshape(-1, surface.dim))[0].reshape(points.shape[:2])
@@ -65,7 +65,7 @@ def corner_undercut(surface: Surface, x: np.ndarray, tools) -> dict[str, Depths]
     Every rank gets all corners. Surfaces of tools in space have no corners; then k is 0.
     """
     found = {}
-    size = side_sizes(surface, x)
+    size = surface.lengths(x)
     for tool in tools:
         corners = np.asarray(tool.surface.corners(), float).reshape(-1, surface.dim)
         corners = tool.motion.to_space(corners)
@@ -77,12 +77,6 @@ def corner_undercut(surface: Surface, x: np.ndarray, tools) -> dict[str, Depths]
             depth = _of_nearest(surface.comm, np.abs(height), depth)
         found[tool.name] = Depths(depth, sizes, corners, float((depth / sizes).max(initial=0.0)))
     return found
-
-
-def side_sizes(surface: Surface, x: np.ndarray) -> np.ndarray:
-    """Length of every side, of a facet the edge of an equal triangle with equal sides, (f,), mm."""
-    size = surface.sizes(x)
-    return size if surface.dim == 2 else np.sqrt(size * 4 / np.sqrt(3))
 
 
 def _samples(dim):

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.kinematics import Kinematics
-from ..physics.nodes import EDGES, Nodes, mid_nodes
+from ..physics.locating import slopes
+from ..physics.nodes import Nodes, mid_nodes
 from ..physics.parallel import highest, lowest
 from ..physics.surface import Surface
 from .shifting import put_on_tools
@@ -53,6 +54,12 @@ class FreeSurface:
     x : (n, dim) positions of the nodes, mm
     cells : (m, 6 | 10) nodes of the cells of this rank, basix order
     mirrors : axis → coordinate of the mirror planes and, in axisymmetry, of the axis
+
+    Attributes
+    ----------
+    sides : (f,) which sides of the surface lie on no mirror plane
+    nodes : (n,) which nodes lie on those
+    on_plane : axis → (n,) which nodes lie on the mirror plane across it
     """
 
     def __init__(self, surface: Surface, x: np.ndarray, cells: np.ndarray, mirrors: dict[int, float]):
@@ -61,9 +68,10 @@ class FreeSurface:
         self.size = float((highest(surface.comm, x.max(axis=0, initial=-np.inf)) - low).max())
         on_plane = {axis: (np.abs(x[surface.sides][..., axis] - value) < 1e-8 * self.size).all(axis=1)
                     for axis, value in mirrors.items()}
-        self._on_plane = {axis: surface.marked(sides, len(x)) for axis, sides in on_plane.items()}
-        self._free_sides = ~np.any([*on_plane.values(), np.zeros(len(surface.sides), bool)], axis=0)
-        self._free = surface.marked(self._free_sides, len(x))
+        self.mirrors = dict(mirrors)
+        self.on_plane = {axis: surface.marked(sides, len(x)) for axis, sides in on_plane.items()}
+        self.sides = ~np.any([*on_plane.values(), np.zeros(len(surface.sides), bool)], axis=0)
+        self.nodes = surface.marked(self.sides, len(x))
         self._mids, self._ends = mid_nodes(cells, surface.dim)
 
     @classmethod
@@ -90,7 +98,7 @@ class FreeSurface:
         and no more at once.
         """
         before = volume = self.volume(x)
-        moved, free = 0.0, np.flatnonzero(self._free)
+        moved, free = 0.0, np.flatnonzero(self.nodes)
         for _ in range(MOST_CALLS):
             if abs(volume - wanted) <= EXACT * wanted:
                 break
@@ -114,20 +122,20 @@ class FreeSurface:
     # ------------------------------------------------------------------ directions
     def directions(self, x: np.ndarray, held: np.ndarray) -> np.ndarray:
         """How every node moves for a unit offset of the free surface, (n, dim); ``held`` (n,) nodes stay. Collective."""
-        moving = self._free & ~held
-        chosen = self._free_sides & moving[self.surface.sides].any(axis=1)
+        moving = self.nodes & ~held
+        chosen = self.sides & moving[self.surface.sides].any(axis=1)
         direction, cosine = self.surface.normals(x, chosen)
         # an edge goes so far that the sides beside it move by one
         direction[moving] /= np.maximum(cosine[moving], LEAST_COSINE)[:, None]
         direction[~moving] = 0.0
-        for axis, on in self._on_plane.items():
+        for axis, on in self.on_plane.items():
             # within the plane, so far that the free surface beside it moves by one
             whole = np.einsum("ni,ni->n", direction[on], direction[on])
             direction[on, axis] = 0.0
             within = np.einsum("ni,ni->n", direction[on], direction[on])
             share = np.maximum(within / np.where(whole > 0, whole, 1.0), LEAST_COSINE**2)
             direction[on] /= share[:, None]
-        inner = ~(self._free | held)[self._mids]
+        inner = ~(self.nodes | held)[self._mids]
         ends = direction[self._ends[inner]]
         direction[self._mids[inner]] = 0.5 * (ends[:, 0] + ends[:, 1])
         return direction
@@ -193,13 +201,8 @@ def _jacobians(p: np.ndarray) -> np.ndarray:
     """Determinants of quadratic cells at their vertices and in the middle, (m, 6 | 10, dim) → (m, dim + 2)."""
     dim = p.shape[2]
     at = np.concatenate([np.eye(dim + 1), np.full((1, dim + 1), 1 / (dim + 1))])
-    ends = np.array(EDGES[dim])
-    by_barycentric = np.zeros((dim + 2, dim + 1, p.shape[1]))       # derivative of shape k by coordinate i
-    corner = np.arange(dim + 1)
-    by_barycentric[:, corner, corner] = 4 * at - 1
-    for k, (a, b) in enumerate(ends):
-        by_barycentric[:, a, dim + 1 + k], by_barycentric[:, b, dim + 1 + k] = 4 * at[:, b], 4 * at[:, a]
-    gradient = by_barycentric[:, 1:] - by_barycentric[:, :1]
+    slope = np.swapaxes(slopes(at, dim), 1, 2)
+    gradient = slope[:, 1:] - slope[:, :1]
     return np.linalg.det(np.matmul(gradient, p[:, None]))
 
 

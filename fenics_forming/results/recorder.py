@@ -34,7 +34,7 @@ class Recorder:
         self.run = simulation
         self.scene, self.comm = simulation.scene, simulation.comm
         self.out = None if out is None else Path(out)
-        self.seconds = {"output": 0.0}
+        self.seconds = {"output": 0.0, "fold search": 0.0}
         self.row: dict[str, float] = {}
         self.summary: dict = {}
         self.volume, self.power = simulation.volume_ledger, PowerLedger()
@@ -79,6 +79,7 @@ class Recorder:
         self.row = self._row(state, wall)
         self.history.append(self.row)
         self.iterations += state.flow.iterations
+        self._look_for_folds(state.step)
         if self.out is None:
             return
         start = perf_counter()
@@ -94,7 +95,13 @@ class Recorder:
 
     def news(self) -> list[str]:
         """What a user wants to hear of the last step, one sentence each."""
-        return [] if self.damage is None else self.damage.news(int(self.row["step"]), self.row["max_damage"])
+        damage = [] if self.damage is None else self.damage.news(int(self.row["step"]), self.row["max_damage"])
+        return damage + self.run.folds.news()
+
+    def _look_for_folds(self, step: int, *, now: bool = False) -> None:
+        start = perf_counter()
+        self.run.folds.look(self.run.body, step, now=now)
+        self.seconds["fold search"] += perf_counter() - start
 
     def _row(self, state, wall: float) -> dict[str, float]:
         run, scene, body = self.run, self.scene, self.run.body
@@ -183,10 +190,11 @@ class Recorder:
 
     # ------------------------------------------------------------------ the end
     def doubts(self) -> list[str]:
-        """What makes the results of the run doubtful, one sentence each."""
+        """What makes the results of the run doubtful, one sentence each; asked at its end. Collective."""
+        self._look_for_folds(int(self.row.get("step", 0)), now=True)
         explicit = self.scene.scheme == "explicit"
         return [*self.volume.doubts("steps.scheme = 'midpoint' or smaller steps" if explicit else MORE_EXACT),
-                *self.power.doubts(MORE_EXACT)]
+                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts()]
 
     def finish(self, state, why: str, warnings: list[str]) -> None:
         """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state)."""
@@ -225,6 +233,7 @@ class Recorder:
                                                   zip(scene.axes, low, high, strict=True)}},
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
             ({"damage": self.damage.summary()} if self.damage is not None else {}),
+            "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),
             "remeshed": [asdict(record) for record in renewed],

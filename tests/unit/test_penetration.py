@@ -9,7 +9,7 @@ from fenics_forming.physics.contact.rigid import KnownTool, ToolMotion
 from fenics_forming.physics.contact.surfaces import Circle, Plane, Sphere
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.surface import Surface
-from fenics_forming.process.penetration import corner_undercut, side_penetration, side_sizes
+from fenics_forming.process.penetration import corner_undercut, side_penetration
 
 
 def body(dim, divisions=4):
@@ -53,9 +53,9 @@ def test_straight_side_over_a_round_tool_sinks_by_the_height_of_its_arc():
 
 def test_side_sizes_are_lengths_and_those_of_equal_triangles():
     nodes, surface = body(2)
-    assert side_sizes(surface, nodes.x) == pytest.approx(np.ones(12), rel=1e-14)
+    assert surface.lengths(nodes.x) == pytest.approx(np.ones(12), rel=1e-14)
     nodes, surface = body(3)
-    assert side_sizes(surface, nodes.x) == pytest.approx(np.sqrt(0.5 * 4 / np.sqrt(3)) * np.ones(len(surface.sides)))
+    assert surface.lengths(nodes.x) == pytest.approx(np.sqrt(0.5 * 4 / np.sqrt(3)) * np.ones(len(surface.sides)))
 
 
 @pytest.mark.parametrize("x", [1.5, 1.3, 2.0])
