@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import basix
 import numpy as np
 
-from ..locating import slopes
-from ..nodes import QUADRATURE_DEGREE
 from .features import FACET_EDGES
+from .quality import scaled_jacobian
 from .straight import Straight, cell_edges, volumes
 from .surface import OldSurface, level, place_mids, place_vertices
 
-LEAST = 0.1             # of the largest Jacobian of a cell: the smallest one that is let be
+LEAST = 0.1             # of the Jacobian of the vertices, or of the volume before: less is not let be
 FRACTIONS = (0.75, 0.5, 0.25, 0.0)
 
 
@@ -34,7 +32,7 @@ def raised(mesh: Straight, surface: OldSurface) -> tuple[np.ndarray, np.ndarray,
     """Order 2: nodes (n, 3), cells (m, 10), the mid-nodes of the facets (f, 3) and the patch of each facet (f,).
 
     The mid-nodes of the boundary lie on the old surface; where the Jacobian of a cell would fall below a tenth of
-    its largest, they go back towards the middle of their edge in fractions.
+    that of its vertices, they go back towards the middle of their edge in fractions.
     """
     n = len(mesh.x)
     edges, number = cell_edges(mesh.cells)
@@ -55,21 +53,10 @@ def raised(mesh: Straight, surface: OldSurface) -> tuple[np.ndarray, np.ndarray,
     placed, share = x, np.ones(len(x))
     for fraction in FRACTIONS:
         bad = np.zeros(len(cells), bool)
-        bad[touched] = _least_jacobian(x, cells[touched]) < LEAST
+        bad[touched] = scaled_jacobian(x, cells[touched]) < LEAST
         if not bad.any():
             break
         share[cells[bad, 4:]] = fraction
         x = straight + share[:, None] * (placed - straight)
         level(x, sides, mesh.patch, surface)
     return x, cells, mids, mesh.patch
-
-
-def _least_jacobian(x, cells):
-    """Smallest Jacobian of each cell at its vertices and at the points where the flow is integrated, over its largest."""
-    points, _ = basix.make_quadrature(basix.CellType.tetrahedron, QUADRATURE_DEGREE[3])
-    inner = np.concatenate([np.eye(4), np.column_stack([1 - points.sum(axis=1), points])])
-    by_coordinate = slopes(inner, 3)                                       # (p, 10, 4)
-    local = by_coordinate[:, :, 1:] - by_coordinate[:, :, :1]
-    j = np.einsum("pal,mak->mplk", local, x[cells])
-    det = np.einsum("mpk,mpk->mp", j[:, :, 0], np.cross(j[:, :, 1], j[:, :, 2]))
-    return det.min(axis=1) / np.abs(det).max(axis=1)

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import MeshError
-from . import mmg
+from . import gmsh_solid, mmg
 from .body_arrays import FACETS, BodyArrays, Remeshed, boundary_sides, keys
 from .curving import raised, vertices_placed
 from .features import Features, find_features
-from .refill import refill
 from .straight import Straight, improve, one_side_each, oriented, volumes
 from .surface import OldSurface
 
-CHORD = 0.1             # of the mean size: distance allowed between straight sides and the surface unless given
+CHORD = 0.5             # of the mean size: distance allowed between straight sides and the surface unless given
 COUNT_SCALE = 1.15      # mmg cuts 1.4 to 1.6 times the cells that fill the volume with edges of this length: 1.15³
 REGULAR = 6 * 2**0.5    # regular cells of edge h in a volume h³
 COUNT_ERROR = 1.15      # ratio of the numbers of cells, made and wanted, beyond which mmg runs again
 RUNS = 2
+ROUNDS = 3              # of moving nodes to better places and back onto the surface
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float,
@@ -28,7 +28,9 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     features = find_features(body.x, sides, np.asarray(labels), corner_angle)
     surface = OldSurface(body.x, sides, features)
     mesh, name = _by_an_engine(_straight(body.x, cells, sides, features), surface, sizes, chord, engine)
-    mesh = vertices_placed(improve(one_side_each(mesh)), surface)
+    mesh = one_side_each(mesh)
+    for _ in range(ROUNDS):
+        mesh = vertices_placed(improve(mesh), surface)
     x, cells, mids, patch = raised(mesh, surface)
     new = boundary_sides(cells, 3, x)
     # a mid-node on a line belongs to two patches: the facet is found by its three
@@ -44,16 +46,24 @@ def _by_an_engine(old: Straight, surface: OldSurface, sizes, chord, engine: str)
     for name in _engines(engine):
         try:
             if name == "mmg":
-                made = _sized(old, surface, sizes, chord)
-            else:
-                made = vertices_placed(refill(old), surface)
-                if name != "gmsh":
-                    made = _sized(made, surface, sizes, chord)
-            return made, name
+                return _sized(old, surface, sizes, chord), name
+            if name == "gmsh":
+                return vertices_placed(_first_of(lambda: gmsh_solid.solid(old, sizes(old.x), surface),
+                                                 lambda: gmsh_solid.refill(old)), surface), name
+            return _sized(_first_of(lambda: gmsh_solid.refill(old), lambda: gmsh_solid.solid(old, sizes(old.x), surface)),
+                          surface, sizes, chord), name
         except RuntimeError as error:
             reasons.append(f"{name}: {error}")
     advice = "" if mmg.installed() else "; mmg repairs surfaces that gmsh cannot: pip install mmgpy"
     raise MeshError(f"the body could not be meshed anew ({'; '.join(reasons)}); its surface may cross itself{advice}")
+
+
+def _first_of(first, second):
+    """What the first way gives, or the second one where it fails."""
+    try:
+        return first()
+    except RuntimeError:
+        return second()
 
 
 def _engines(engine: str) -> list[str]:
