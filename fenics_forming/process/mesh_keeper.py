@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ..errors import ConvergenceError, MeshError
 from ..physics.gather import scatter_nodal
 from ..scene import Scene
+from .adaptation import adapted_sizes
 from .body import FlowingBody
 from .integration import Flow, Scheme
 from .placing import flowing_body
@@ -51,7 +53,7 @@ class MeshKeeper:
         self._scene, self._mirrors = scene, mirrors
         self.settings = scene.workpiece.remesh
         self._kept_volume = volume if scene.process.volume_constancy else None
-        self._sizes = lambda body, labels, fields: lambda points: np.full(len(points), mesh_size)
+        self._mesh_size = mesh_size
         self.triggers = Triggers(self.settings, scene.dimension)
         self.records: list[Record] = []
         self.seconds = {"remeshing": 0.0}
@@ -81,8 +83,9 @@ class MeshKeeper:
             if no mesh can be made, or no flow found on it; the body is as it was then.
         """
         numbers, remembered = scheme.memory()
-        made = renew(body, _carried(body, history, flow, remembered), mirrors=self._mirrors, sizes=self._sizes,
-                     chord=self.settings.chord, engine=self.settings.engine, kept_volume=self._kept_volume)
+        made = renew(body, _carried(body, history, flow, remembered), mirrors=self._mirrors,
+                     sizes=partial(self._sizes, body.tools), chord=self.settings.chord, engine=self.settings.engine,
+                     kept_volume=self._kept_volume)
         before = [(tool.state, tool.traction) for tool in body.tools]
         forces = _forces(body)
         try:
@@ -100,6 +103,11 @@ class MeshKeeper:
         self.records.append(Record(step, time, reason, made.cells, made.engine, made.volume, made.conservation,
                                    (forces, _forces(new)), made.seconds))
         return new, history, flow
+
+    def _sizes(self, tools, body, labels, fields):
+        """Wanted sizes of the elements of a whole body, on one rank."""
+        return adapted_sizes(self._scene, tools, body, labels, self._mirrors, self._mesh_size,
+                             strain_rate=fields["rate"], temperature=fields.get("temperature"))
 
 
 def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> Carried:

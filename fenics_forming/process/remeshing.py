@@ -17,6 +17,8 @@ from .body import FlowingBody
 from .transfer import Transfer, conservation
 from .volume import FreeSurface
 
+LANDED = 3e-3     # of the size of a contact facet: a side that hovers less than this above a tool has landed on it
+
 
 @dataclass
 class Carried:
@@ -73,10 +75,11 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     nodes, kinematics = body.nodes, body.workpiece.kinematics
     x, cells = gather_nodal(nodes, nodes.x), gather_cells(nodes)
     given = carried.gathered(nodes)
+    landed = LANDED * body.contact.facets.size()
 
     def make():
         old = BodyArrays(x, cells)
-        labels = side_labels(old, body.tools, mirrors, body.reach)
+        labels = side_labels(old, body.tools, mirrors, landed)
         made = remesh(old, labels, sizes(old, labels, given.linear | given.quadratic), chord=chord, engine=engine)
         surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
         volumes = [FreeSurface.of_arrays(x, cells, old.sides, kinematics, mirrors).volume(x), surface.volume(made.x)]

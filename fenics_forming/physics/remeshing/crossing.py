@@ -22,6 +22,17 @@ def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
     return found
 
 
+def crossings(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs i < j of the segments from a to b, (f, 2) each, of one closed way that cross or touch and do not follow."""
+    length, middle = np.linalg.norm(b - a, axis=1), 0.5 * (a + b)
+    i, j = np.sort(cKDTree(middle).query_pairs(length.max(), output_type="ndarray"), axis=1).T
+    near = np.linalg.norm(middle[j] - middle[i], axis=1) <= 0.5 * (length[i] + length[j])
+    near &= (j - i > 1) & ((i > 0) | (j < len(a) - 1))
+    i, j = i[near], j[near]
+    meet = _apart(a[i], b[i], a[j], b[j]) & _apart(a[j], b[j], a[i], b[i])
+    return i[meet], j[meet]
+
+
 def _apart(a: np.ndarray, b: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Whether p and q lie on different sides of the line through a and b, or one of them on it."""
     way = b - a

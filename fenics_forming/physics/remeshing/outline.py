@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import MeshError
 from .body_arrays import BodyArrays
+from .healing import healed
 
 ROUNDING = 1e-12       # of the body: a mirror plane so near to the origin goes through it
 
@@ -30,11 +31,12 @@ class Chain:
     closed: bool
 
 
-def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float) -> list[list[Chain]]:
-    """The closed loops of the boundary, each cut into its chains.
+def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, detail: float = 0.0) -> list[list[Chain]]:
+    """The closed loops of the boundary, free of folds, each cut into its chains.
 
     A chain ends where the label changes and where the sides turn by more than `corner_angle` (degrees), measured
-    between the end tangents of their parabolas.
+    between the end tangents of their parabolas; of corners that are nearer to each other than ``detail``, mm, along
+    the boundary, the sharpest stays.
 
     Raises
     ------
@@ -42,7 +44,7 @@ def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float) -> list[lis
         when two parts of the boundary touch in a node.
     """
     x, sides, labels = on_mirror_planes(body.x, body.sides, labels), body.sides, np.asarray(labels)
-    return [_chains(x, sides[loop], labels[loop], corner_angle) for loop in _walk(body.x, sides)]
+    return [_chains(*healed(x, sides[loop], labels[loop]), corner_angle, len(x), detail) for loop in _walk(body.x, sides)]
 
 
 def on_mirror_planes(x: np.ndarray, sides: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -76,20 +78,41 @@ def _walk(x: np.ndarray, sides: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float) -> list[Chain]:
-    """One loop, cut at its features; without any it is one closed chain."""
+def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float,
+            known: int, detail: float) -> list[Chain]:
+    """One loop, cut at its features; without any it is one closed chain. Nodes from ``known`` on are not of the body."""
     start, end, middle = (x[sides[:, k]] for k in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, start - 4 * middle + 3 * end      # end tangents of the parabolas
     turn = angle_between(np.roll(arriving, 1, axis=0), leaving)
-    feature = (np.abs(turn) > np.radians(corner_angle)) | (labels != np.roll(labels, 1))
+    corner = np.where(np.abs(turn) > np.radians(corner_angle), np.abs(turn), 0.0)
+    corner[labels != np.roll(labels, 1)] = np.inf
+    feature = _sharpest(corner, np.linalg.norm(end - start, axis=1), detail)
     closed = not feature.any()
     first = np.flatnonzero(feature) if not closed else np.array([0])
     chains = []
     for begin, beyond in zip(first, np.append(first[1:], first[0] + len(sides)), strict=True):
         run = sides[np.arange(begin, beyond) % len(sides)]
         nodes = np.append(run[:, [0, 2]].ravel(), run[-1, 1])
-        chains.append(Chain(x[nodes], nodes, int(labels[begin]), closed))
+        chains.append(Chain(x[nodes], _known(nodes, known), int(labels[begin]), closed))
     return chains
+
+
+def _sharpest(corner: np.ndarray, length: np.ndarray, detail: float) -> np.ndarray:
+    """Which of the corners at the starts of the sides, (k,) with their turn, stay: no sharper one within ``detail``."""
+    place = np.cumsum(length) - length
+    stays = corner > 0.0
+    for k in np.flatnonzero(stays)[np.argsort(corner[stays], kind="stable")]:     # there are a few in all
+        away = np.abs(place - place[k])
+        near = stays & (np.minimum(away, length.sum() - away) < detail)
+        near[k] = False
+        stays[k] = np.isinf(corner[k]) or not near.any()
+    return stays
+
+
+def _known(nodes: np.ndarray, known: int) -> np.ndarray:
+    """The nodes of a chain, the one before (at its start the one after) in place of those that the body does not have."""
+    own = np.flatnonzero(nodes < known)
+    return nodes[own[np.maximum(np.searchsorted(own, np.arange(len(nodes)), "right") - 1, 0)]]
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
