@@ -69,13 +69,17 @@ class FlowingBody:
         for tool in self.tools:
             tool.motion = motion_of(self._drives.get(tool.name), time, self.nodes.dim)
 
-    def place(self, time: float) -> None:
-        """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it."""
+    def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
+        """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it.
+
+        ``slack`` (nodes,), mm: how much farther than usual a pressed node may hover and still be drawn onto its tool.
+        """
         start = perf_counter()
         self.move_tools(time)
         held = self._pressed_nodes()
         self._as_shifted = self.x[self._boundary]
-        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, self.reach) if self.tools else 0.0
+        reach = self.reach + np.broadcast_to(slack, len(self.x))[self._boundary]
+        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
 
     def _pressed_nodes(self) -> dict[str, np.ndarray]:

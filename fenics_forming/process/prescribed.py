@@ -41,7 +41,7 @@ class PrescribedFlow:
         rate = self.nodes.with_mids(np.sqrt(2 / 3 * np.einsum("ni,ni->n", D, D)))
         return Flow(self._velocity, {"effective_strain": rate}, 0)
 
-    def place(self, time: float) -> None:
+    def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
         if self._follow is not None:
             self._follow(self.x, time)
 

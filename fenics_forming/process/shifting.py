@@ -110,7 +110,8 @@ def _bend(angle):
 
 
 # ---------------------------------------------------------------------- contact
-def put_on_tools(x: np.ndarray, tools, candidates: np.ndarray, held: dict[str, np.ndarray], reach: float) -> float:
+def put_on_tools(x: np.ndarray, tools, candidates: np.ndarray, held: dict[str, np.ndarray],
+                 reach: np.ndarray | float) -> float:
     """Put boundary nodes onto the tools, in place: those that have sunk in, and those in contact that hover above.
 
     Parameters
@@ -118,7 +119,8 @@ def put_on_tools(x: np.ndarray, tools, candidates: np.ndarray, held: dict[str, n
     x : (nodes, dim) positions, mm
     candidates : numbers of the nodes that a tool may touch
     held : tool name → (nodes,) whether a node is pressed against it
-    reach : height up to which a pressed node is drawn down, mm: a node in contact follows its tool, a landing one lands
+    reach : height up to which a pressed node is drawn down, mm, of all or of each candidate: a node in contact follows
+        its tool, a landing one lands
 
     Returns
     -------

@@ -50,7 +50,8 @@ class Substeps(Scheme):
         values, by_midpoint = self._values(body, start), self.rule == "midpoint"
         field = body.frozen(values)
         known = x0.shape[1] + len(start.rates)
-        change = self._change(body, start, field) if by_midpoint and self._last else np.zeros(known)
+        change = self._change(body, start, field) if by_midpoint and self._last else np.zeros((1, known))
+        slack = 0.5 * dt**2 * np.linalg.norm(change[:, : x0.shape[1]], axis=1)     # it may overshoot
         parts = []
         for s in range(self.count):
             x = body.x.copy()
@@ -59,7 +60,7 @@ class Substeps(Scheme):
                 here = field.at(x + 0.5 * h * self._mean(here, x.shape[1], 0.5 * h, "start"))
                 here[:, :known] += (s + 0.5) * h * change
             body.x[:] = x + h * self._mean(here, x.shape[1], h, "middle" if by_midpoint else "start")
-            body.place(time + (s + 1) * h)
+            body.place(time + (s + 1) * h, slack)
             parts.append((h, dict(zip(start.rates, here[:, x.shape[1]:].T, strict=False))))
         if by_midpoint:
             rates = {f"rate.{name}": rate for name, rate in start.rates.items()}

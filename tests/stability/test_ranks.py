@@ -55,6 +55,14 @@ def test_two_ranks_find_what_one_finds(case, tmp_path):
     assert two.summary["ranks"] == 2 and len(two.frames) == len(one.frames)
 
 
+def test_sub_steps_carry_nodes_from_the_part_of_one_rank_into_that_of_another(tmp_path):
+    """The frozen field is whole on every rank; turned by the local spin, and with the places of the step before."""
+    changes = ("process.shifting={ scheme = 'substeps', rule = 'midpoint', rotation = true }", "stop.stroke='0.2 mm'")
+    one = run(BLOCK, tmp_path / "one", *changes).results
+    two = on_ranks(2, BLOCK, tmp_path / "two", *changes)
+    same(one.history, two.history)
+
+
 @pytest.mark.long
 def test_rank_without_contact_and_without_mirror_plane(tmp_path):
     """A slender block on three ranks: the middle one touches no tool at all, two of them have no fixed velocity."""
