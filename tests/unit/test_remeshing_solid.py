@@ -153,6 +153,29 @@ def test_inverted_cells_inside_are_rescued():
     assert Quality.of(new.x, new.cells).smallest > 0.05
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_ball_without_any_edge_stays_a_ball(engine):
+    x, cells = arrays(meshing.generate(lambda gmsh: (gmsh.model.occ.addSphere(0, 0, 0, 1), gmsh.model.occ.synchronize()),
+                                       3, 0.5, comm=MPI.COMM_SELF))
+    body = BodyArrays(x, cells)
+    new = remesh(body, np.zeros(len(body.sides), int), uniform(0.4), engine=engine)
+    assert Quality.of(new.x, new.cells).low > 0.25
+    # sides of order 2 of length 0.5 R leave the sphere by 1e-3 R at most, to either side
+    assert volume(new) == pytest.approx(4 / 3 * np.pi, rel=1e-3)
+    assert abs(np.linalg.norm(new.x[np.unique(new.sides)], axis=1) - 1).max() < 2e-3
+
+
+def test_body_pinched_to_an_edge_is_reported():
+    """Two cubes with one edge in common."""
+    x, cells = block(1)
+    both = np.concatenate([x, x + (1, 1, 0)])
+    x, number = np.unique(both.round(12), axis=0, return_inverse=True)
+    cells = number.ravel()[np.concatenate([cells, cells + len(both) // 2])]
+    body = BodyArrays(x, cells)
+    with pytest.raises(MeshError, match="pinched"):
+        remesh(body, np.zeros(len(body.sides), int), uniform(0.5))
+
+
 def test_surface_that_cuts_itself_is_reported():
     x, cells = block(4)
     x[(abs(x - (0.5, 0.5, 1.0)) < 1e-9).all(axis=1), 2] = -0.5      # a node of the top pulled out through the bottom

@@ -11,7 +11,6 @@ from .body_arrays import keys
 from .straight import Straight, nearest_nodes, volumes
 from .surface import OldSurface
 
-COUNT_SCALE = 0.9       # gmsh cuts 0.75 times the cells that fill the volume with edges of the wanted length: 0.9³
 SAME = 1e-6             # of the size of the body: the distance of a node from the corner that it is
 
 
@@ -33,7 +32,7 @@ def solid(mesh: Straight, size: np.ndarray, surface: OldSurface) -> Straight:
             _discrete(gmsh, mesh.x, mesh.facets, mesh.patch, mesh.lines, mesh.line)
             gmsh.model.mesh.createGeometry()
             _volume_within(gmsh)
-            view = _wanted_sizes(gmsh, mesh, COUNT_SCALE * size)
+            view = _wanted_sizes(gmsh, mesh, size)
             gmsh.model.mesh.generate(3)
             return _read(gmsh, surface)
         except RuntimeError:

@@ -6,9 +6,8 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from .gradation import GROWTH
 from .straight import Straight, nearest_nodes, volumes
-
-GRADATION = 1.3         # largest ratio of the sizes of neighbours in a solid
 
 
 def installed() -> bool:
@@ -107,7 +106,7 @@ def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:
         m.set_corners(mesh.corners.astype(np.int32))
         m.set_required_vertices(mesh.corners.astype(np.int32))
     m.set_field("metric", np.ascontiguousarray(size, float).reshape(-1, 1))
-    m.remesh(verbose=-1, hausd=float(chord), hgrad=GRADATION, angle=0)
+    m.remesh(verbose=-1, hausd=float(chord), hgrad=1 + GROWTH, angle=0)
     facets, patch = (np.array(a, np.int64) for a in m.get_triangles_with_refs())
     lines, line = (np.array(a, np.int64) for a in m.get_edges_with_refs())
     x, cells = np.array(m.get_vertices()), np.array(m.get_tetrahedra(), np.int64)

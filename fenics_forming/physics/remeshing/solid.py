@@ -9,13 +9,15 @@ from . import gmsh_solid, mmg
 from .body_arrays import FACETS, BodyArrays, Remeshed, boundary_sides, keys
 from .curving import raised, vertices_placed
 from .features import Features, find_features
-from .straight import Straight, improve, one_side_each, oriented, volumes
+from .gradation import over_mesh
+from .straight import Straight, cell_edges, improve, one_side_each, oriented, volumes
 from .surface import OldSurface
 
 CHORD = 0.5             # of the mean size: distance allowed between straight sides and the surface unless given
-COUNT_SCALE = 1.15      # mmg cuts 1.4 to 1.6 times the cells that fill the volume with edges of this length: 1.15³
+# mmg cuts 1.5 times the cells that fill the volume with edges of the wanted length, gmsh 0.75 times
+COUNT_SCALE = {"mmg": 1.5 ** (1 / 3), "gmsh": 0.75 ** (1 / 3)}
 REGULAR = 6 * 2**0.5    # regular cells of edge h in a volume h³
-COUNT_ERROR = 1.15      # ratio of the numbers of cells, made and wanted, beyond which mmg runs again
+COUNT_ERROR = 1.15      # ratio of the numbers of cells, made and wanted, beyond which it is made again
 RUNS = 2
 ROUNDS = 3              # of moving nodes to better places and back onto the surface
 
@@ -42,28 +44,24 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
 
 def _by_an_engine(old: Straight, surface: OldSurface, sizes, chord, engine: str) -> tuple[Straight, str]:
     """The straight mesh with its boundary vertices on the old surface, and what made it."""
+    def by_mmg(mesh):
+        return _sized(mesh, surface, sizes, "mmg", lambda m, size: mmg.solid(m, size, chord or CHORD * float(size.mean())))
+
+    def by_gmsh(mesh):
+        return _sized(mesh, surface, sizes, "gmsh", lambda m, size: gmsh_solid.solid(m, size, surface))
+
+    ways = {"mmg": [lambda: by_mmg(old)],
+            "gmsh, then mmg": [lambda: by_mmg(gmsh_solid.refill(old)), lambda: by_mmg(by_gmsh(old))],
+            "gmsh": [lambda: by_gmsh(old), lambda: vertices_placed(gmsh_solid.refill(old), surface)]}
     reasons = []
     for name in _engines(engine):
-        try:
-            if name == "mmg":
-                return _sized(old, surface, sizes, chord), name
-            if name == "gmsh":
-                return vertices_placed(_first_of(lambda: gmsh_solid.solid(old, sizes(old.x), surface),
-                                                 lambda: gmsh_solid.refill(old)), surface), name
-            return _sized(_first_of(lambda: gmsh_solid.refill(old), lambda: gmsh_solid.solid(old, sizes(old.x), surface)),
-                          surface, sizes, chord), name
-        except RuntimeError as error:
-            reasons.append(f"{name}: {error}")
+        for way in ways[name]:
+            try:
+                return way(), name
+            except RuntimeError as error:
+                reasons.append(f"{name}: {error}")
     advice = "" if mmg.installed() else "; mmg repairs surfaces that gmsh cannot: pip install mmgpy"
     raise MeshError(f"the body could not be meshed anew ({'; '.join(reasons)}); its surface may cross itself{advice}")
-
-
-def _first_of(first, second):
-    """What the first way gives, or the second one where it fails."""
-    try:
-        return first()
-    except RuntimeError:
-        return second()
 
 
 def _engines(engine: str) -> list[str]:
@@ -73,26 +71,30 @@ def _engines(engine: str) -> list[str]:
     return with_mmg if engine == "mmg" else ["gmsh"]
 
 
-def _sized(old: Straight, surface: OldSurface, sizes, chord) -> Straight:
-    """mmg, and mmg again with corrected sizes where the number of cells is not the wanted one."""
-    if volumes(old.x, old.cells).min() <= 0:
+def _sized(old: Straight, surface: OldSurface, sizes, name: str, make) -> Straight:
+    """What ``make(mesh, size)`` gives, and again with corrected sizes where the number of cells is not the wanted one."""
+    if name == "mmg" and volumes(old.x, old.cells).min() <= 0:
         raise RuntimeError("cells are inside out")
-    scale = COUNT_SCALE
+    scale, new = COUNT_SCALE[name], None
     for _ in range(RUNS):
-        size = sizes(old.x)
-        new = mmg.solid(old, scale * size, chord or CHORD * float(size.mean()))
-        new = vertices_placed(new, surface)
-        ratio = len(new.cells) / _wanted(new, sizes)
+        try:
+            new = one_side_each(vertices_placed(make(old, scale * _graded(old, sizes)), surface))
+        except RuntimeError:
+            if new is None:
+                raise
+            break
+        wanted = volumes(new.x, new.cells) @ (REGULAR / _graded(new, sizes) ** 3)[new.cells].mean(axis=1)
+        ratio = len(new.cells) / float(wanted)
         if 1 / COUNT_ERROR < ratio < COUNT_ERROR:
             break
         old, scale = new, scale * ratio ** (1 / 3)
     return new
 
 
-def _wanted(mesh: Straight, sizes) -> float:
-    """Number of cells of the wanted sizes in the volume of the body."""
-    density = REGULAR / sizes(mesh.x) ** 3
-    return float(volumes(mesh.x, mesh.cells) @ density[mesh.cells].mean(axis=1))
+def _graded(mesh: Straight, sizes) -> np.ndarray:
+    """Sizes (n,) at the nodes that grow no faster over the edges than an engine would let them, mm."""
+    edges, _ = cell_edges(mesh.cells)
+    return over_mesh(sizes(mesh.x), edges, np.linalg.norm(mesh.x[edges[:, 1]] - mesh.x[edges[:, 0]], axis=1))
 
 
 def _straight(x: np.ndarray, cells: np.ndarray, sides: np.ndarray, features: Features) -> Straight:

@@ -202,7 +202,7 @@ def _ways(mesh):
 
 def _summed(nodes, vectors, count):
     """Unit sums (count, 3) of vectors (k, 3) or (k, nodes, 3) at the nodes (k, nodes)."""
-    vectors = np.broadcast_to(vectors.reshape(len(nodes), -1, 3), (*nodes.shape, 3)).reshape(-1, 3)
+    vectors = np.broadcast_to(vectors if vectors.ndim == 3 else vectors[:, None], (*nodes.shape, 3)).reshape(-1, 3)
     total = np.stack([np.bincount(nodes.ravel(), vectors[:, k], count) for k in range(3)], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return total / np.where(length > 0, length, 1.0)
