@@ -17,7 +17,7 @@ from ..physics.surface import Surface
 from .shifting import put_on_tools
 
 CAP = 0.1             # of the smallest element, the farthest that the surface moves at once
-MOST_CALLS = 12       # so at most about one element in all; what is then left waits for the next time
+MOST_CALLS = 40       # a few of the smallest elements in all; what is then left waits for the next time
 EXACT = 1e-14         # relative volume that is as good as none
 TOUCHING = 1e-6       # of the size of the body: a node nearer to a tool than this is on it
 LEAST_COSINE = 0.5    # to the sides that meet in an edge, and to a mirror plane: sharper ones move by less
