@@ -77,7 +77,7 @@ class Simulation:
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
-        self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.process.volume_constancy == "each_step")
+        self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.restores_volume)
         self.folds = FoldRecord()
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])

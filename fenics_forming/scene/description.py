@@ -243,6 +243,12 @@ class Scene(Described):
         return moved.replaced(scheme="midpoint") if moved.scheme == "implicit" else moved
 
     @property
+    def restores_volume(self):
+        """Whether lost volume is given back in every step: where that is asked for, or the mesh is renewed anyway."""
+        constancy = self.process.volume_constancy
+        return constancy == "each_step" or bool(constancy) and self.workpiece.remesh is not None
+
+    @property
     def workpiece(self):
         """The one workpiece."""
         return next(iter(self.workpieces.values()))

@@ -56,7 +56,7 @@ def _shifting(value):
 
 def _volume_constancy(value):
     if not isinstance(value, bool) and value != "each_step":
-        raise refused(value, "is not known", "true (at every remeshing), 'each_step' or false")
+        raise refused(value, "is not known", "true (with remeshing), 'each_step' or false")
     return value
 
 
@@ -70,7 +70,8 @@ class Process(Described):
     ----------
     shifting : how the material is moved, one of `SCHEMES` or a table with the keys of `Shifting`; the scheme is the same
     choice as `steps.scheme`. substeps : short for shifting = { scheme = "substeps", substeps = … }.
-    volume_constancy : lost volume is given back to the free surface: true, at every remeshing; "each_step"; false, never.
+    volume_constancy : lost volume is given back to the free surface: true, where the body has `remesh`, at every
+    remeshing and, so that little is due then, after every step; "each_step", also without; false, never.
     """
 
     shifting: Annotated[

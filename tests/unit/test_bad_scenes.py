@@ -166,7 +166,7 @@ CASES = [
     (["process.shifting=7"], "process.shifting", "is not a table"),
     (["process.substeps=3"], "steps.scheme", "'implicit' contradicts process.shifting 'substeps'"),
     (["process.volume_constancy=always"], "process.volume_constancy", "'each_step' or false"),
-    (["process.volume_constancy=1"], "process.volume_constancy", "true (at every remeshing)"),
+    (["process.volume_constancy=1"], "process.volume_constancy", "true (with remeshing)"),
     # remeshing
     ([f"{REMESH}=3"], REMESH, "is not a table"),
     ([f"{REMESH}.min_quality=1"], f"{REMESH}.min_quality", "is not below 1"),
