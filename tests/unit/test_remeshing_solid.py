@@ -165,6 +165,16 @@ def test_ball_without_any_edge_stays_a_ball(engine):
     assert abs(np.linalg.norm(new.x[np.unique(new.sides)], axis=1) - 1).max() < 2e-3
 
 
+@pytest.mark.parametrize("engine", [ENGINES[0]])
+def test_chord_limits_the_straight_edges_of_a_curved_surface(engine):
+    body, labels = upset_cylinder(0.5, height=1.99)
+    new = remesh(body, labels, uniform(0.5), chord=0.01, engine=engine)
+    round_side = new.sides[new.labels == 0]
+    middle = (new.x[round_side[:, [1, 2, 0]]] + new.x[round_side[:, [2, 0, 1]]]) / 2
+    # h²/8R with the edges of a mesh up to 1.4 times as long as their mean; without the chord it is 0.07
+    assert (1 - np.hypot(*middle.reshape(-1, 3)[:, :2].T)).max() < 0.02
+
+
 def test_body_pinched_to_an_edge_is_reported():
     """Two cubes with one edge in common."""
     x, cells = block(1)

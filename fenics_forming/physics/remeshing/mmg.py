@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .gradation import GROWTH
-from .straight import Straight, nearest_nodes, volumes
+
+if TYPE_CHECKING:       # only solids need what is compiled there
+    from .straight import Straight
 
 
 def installed() -> bool:
@@ -93,6 +96,8 @@ def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:
         when mmg fails, for instance on inverted cells.
     """
     import mmgpy
+
+    from .straight import Straight, nearest_nodes, volumes
 
     m = mmgpy.MmgMesh3D()
     m.set_mesh_size(vertices=len(mesh.x), tetrahedra=len(mesh.cells), triangles=len(mesh.facets), edges=len(mesh.lines))

@@ -11,7 +11,7 @@ from .curving import raised, vertices_placed
 from .features import Features, find_features
 from .gradation import over_mesh
 from .straight import Straight, cell_edges, improve, one_side_each, oriented, volumes
-from .surface import OldSurface
+from .surface import OldSurface, within_chord
 
 CHORD = 0.5             # of the mean size: distance allowed between straight sides and the surface unless given
 # mmg cuts 1.5 times the cells that fill the volume with edges of the wanted length, gmsh 0.75 times
@@ -29,8 +29,9 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     sides = _oriented_sides(body, cells)
     features = find_features(body.x, sides, np.asarray(labels), corner_angle)
     surface = OldSurface(body.x, sides, features)
+    if chord is not None:
+        sizes = within_chord(sizes, body.x, sides, chord)
     mesh, name = _by_an_engine(_straight(body.x, cells, sides, features), surface, sizes, chord, engine)
-    mesh = one_side_each(mesh)
     for _ in range(ROUNDS):
         mesh = vertices_placed(improve(mesh), surface)
     x, cells, mids, patch = raised(mesh, surface)

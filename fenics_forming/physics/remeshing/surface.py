@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from .features import Features
+from .features import FACET_EDGES, Features
+from .gradation import GROWTH
 from .quadratic import Curves, Facets
 from .straight import Straight
 
@@ -106,3 +108,28 @@ def level(x, sides, patch, surface) -> None:
     """Write the constant coordinates of flat patches into x."""
     for k in np.unique(patch):
         surface.level(x, int(k), np.unique(sides[patch == k]))
+
+
+def within_chord(sizes, x: np.ndarray, sides: np.ndarray, chord: float):
+    """The sizes, near a curved surface at most those of straight edges that leave it by no more than the chord distance.
+
+    An edge of length l whose mid-node stands off by s may have the length l √(chord/s). From the nearest vertex of the
+    surface inwards that limit grows as sizes may.
+    """
+    edges = sides[:, np.array(FACET_EDGES)].reshape(-1, 3)
+    a, b, middle = (x[edges[:, k]] for k in range(3))
+    along, off = b - a, middle - (a + b) / 2
+    length2 = np.einsum("ek,ek->e", along, along)
+    off = np.linalg.norm(off - along * (np.einsum("ek,ek->e", off, along) / length2)[:, None], axis=1)
+    with np.errstate(divide="ignore"):
+        allowed = np.sqrt(length2 * chord / off)
+    vertices, row = np.unique(edges[:, :2], return_inverse=True)
+    limit = np.full(len(vertices), np.inf)
+    np.minimum.at(limit, row.reshape(-1, 2), allowed[:, None])
+    tree = cKDTree(x[vertices])
+
+    def limited(points):
+        distance, nearest = tree.query(points)
+        return np.minimum(sizes(points), limit[nearest] + GROWTH * distance)
+
+    return limited
