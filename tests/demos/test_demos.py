@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from demos import billet_upsetting, ring_compression
+from demos import billet_upsetting, ring_compression, ring_rolling_rotation
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
 
@@ -25,6 +25,15 @@ def test_the_rings_give_the_calibration_curves(tmp_path, capsys):
     # the more friction, the smaller the bore at the same height
     bores = [runs[m].at(stroke=1.475)["bore_middle_r_mm"] for m in sorted(runs)]
     assert bores == sorted(bores, reverse=True)
+
+
+def test_the_rolled_ring_grows_by_its_volume_where_the_shift_keeps_rotations(tmp_path, capsys):
+    runs = ring_rolling_rotation.main(coarse=True, out=tmp_path)
+    assert (tmp_path / "ring_rolling.png").stat().st_size > 10_000
+    assert "rotation: outer diameter at a wall of 30 mm" in capsys.readouterr().out
+    # REFERENCES 2.4 and 12.3: explicit by far the worst, sub-steps divide its error, midpoint alone drifts a little
+    ends = [runs[name].outer[-1] for name in ("rotation", "midpoint", "3 sub-steps", "explicit")]
+    assert ends == sorted(ends) and ends[1] < 1.005 * 325 and ends[2] > 1.3 * 325 and ends[3] > 3 * 325
 
 
 @pytest.mark.parametrize("demo", [billet_upsetting, ring_compression])
