@@ -391,6 +391,18 @@ def test_gradients_refine_no_further_than_a_quarter_of_the_mesh_size_unless_told
         assert sizes(old.x[np.unique(old.cells[:, :3])]).min() == pytest.approx(expected)
 
 
+def test_field_without_numbers_asks_for_nothing():
+    """A flow that has broken down must not take the sizes of the next mesh with it."""
+    old = first_body(scene_of(SQUARE))
+    described = scene_of(SQUARE, remesh={"strain_rate": 1.0})
+    field = band(old.x)
+    for broken in (np.full(len(field), np.nan), np.where(old.x[:, 0] < 2, np.nan, field)):
+        sizes = adapted_sizes(described, known_tools(described), old, np.zeros(len(old.sides), int), {}, 1.0,
+                              strain_rate=broken)
+        assert np.isfinite(sizes(old.x)).all()
+        assert sizes(old.x).min() >= FINEST
+
+
 def test_gradient_that_the_scene_does_not_name_is_not_read():
     old = first_body(scene_of(SQUARE))
     described = scene_of(SQUARE, remesh=True)

@@ -140,7 +140,7 @@ def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) ->
         return size
     while True:
         through = np.minimum.reduceat(size[table.indices] + table.data, starts)
-        if (through >= size[touched] * (1 - 1e-3)).all():
+        if not (through < size[touched] * (1 - 1e-3)).any():
             return size
         size[touched] = np.minimum(size[touched], through)
 

@@ -67,7 +67,7 @@ def nodal_sizes(sizes: Sizes, body: BodyArrays, mirrors: dict[int, float], *, th
     size = np.full(len(body.x), np.inf)
     size[vertices] = sizes(body.x[vertices])
     for more in (*also, thickness_sizes(body, mirrors, sizes)) if thin else also:
-        size[vertices] = np.minimum(size[vertices], more[vertices])
+        size[vertices] = np.fmin(size[vertices], more[vertices])      # no number asks for nothing
     return graded(size, body.x, body.cells[:, : body.dim + 1], sizes.growth)
 
 
