@@ -209,6 +209,12 @@ class Workpiece:
         nodal[v] = -self.solution.x.array[self.pressure_dofs[v]]
         return self.nodes.with_mids(nodal)
 
+    def held(self) -> np.ndarray:
+        """Which velocity components of which nodes are given as zero, (nodes, dim), as on mirror planes."""
+        zero = np.zeros(len(self._values.x.array), dtype=bool)
+        zero[self.fixed_dofs] = self._values.x.array[self.fixed_dofs] == 0.0
+        return zero[self.velocity_dofs]
+
     def forget_flow(self) -> None:
         """Start from nothing: no velocity, no stress."""
         self.solution.x.array[:] = 0.0

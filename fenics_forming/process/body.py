@@ -50,6 +50,8 @@ class FlowingBody:
         self.free_surface = free_surface
         self._temperature = None if temperature is None else np.full(self.nodes.count, float(temperature))
         self._damage = damage
+        self._held = workpiece.held()
+        self._held_at = self.x[self._held]
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
         self.seconds = {"contact search": 0.0, "shifting": 0.0}
         self.speed = 0.0
@@ -70,13 +72,15 @@ class FlowingBody:
             tool.motion = motion_of(self._drives.get(tool.name), time, self.nodes.dim)
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
-        """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it.
+        """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it; nodes of mirror planes
+        stay on them, whatever a recovered gradient made of their velocities.
 
         ``slack`` (nodes,), mm: how much farther than usual a pressed node may hover and still be drawn onto its tool.
         """
         start = perf_counter()
         self.move_tools(time)
         held = self._pressed_nodes()
+        self.x[self._held] = self._held_at
         self._as_shifted = self.x[self._boundary]
         reach = self.reach + np.broadcast_to(slack, len(self.x))[self._boundary]
         self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, reach) if self.tools else 0.0
