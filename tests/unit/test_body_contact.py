@@ -1,0 +1,176 @@
+"""Contact between bodies of one mesh: opposite forces, no moment, patch test, release, any number of ranks."""
+
+import subprocess
+import sys
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_forming.physics import meshing
+from fenics_forming.physics.contact.bodies import BodyContact
+from fenics_forming.physics.kinematics import KINDS
+from fenics_forming.physics.nodes import Nodes
+
+SIDE, YOUNG, POISSON, PRESSURE, PENALTY = 10.0, 210e3, 0.3, 100.0, 1e6
+
+
+class Stack:
+    """Two elastic blocks, one on the other, with ``low`` and ``high`` cells along an edge; the lower is the slave."""
+
+    def __init__(self, dim, low, high, element="integration_point", comm=MPI.COMM_WORLD, shift=0.0):
+        kind = {2: meshing.rectangle, 3: meshing.box}[dim]
+        below = Nodes(kind([0] * dim, [SIDE] * dim, [low] * dim, MPI.COMM_SELF))
+        above = Nodes(kind([0] * (dim - 1) + [SIDE], [SIDE] * (dim - 1) + [2 * SIDE], [high] * dim, MPI.COMM_SELF))
+        lift = np.append(np.zeros(dim - 1), shift)
+        x = np.concatenate([below.x, above.x + lift])
+        cells = np.concatenate([below.cells, above.cells + len(below.x)])
+        mine = slice(None) if comm.rank == 0 else slice(0)
+        self.mesh = meshing.from_arrays(x[mine], cells[mine], comm)
+        self.nodes, self.dim, self.comm = Nodes(self.mesh), dim, comm
+        self.V = fem.functionspace(self.mesh, ("Lagrange", 2, (dim,)))
+        blocks = np.zeros(self.nodes.count, np.int32)
+        blocks[self.mesh.geometry.dofmap] = self.V.dofmap.list
+        number = self.V.dofmap.index_map.local_to_global(blocks).astype(np.int64)
+        self.owned = self.V.dofmap.index_map.size_local * dim
+        upper = np.asarray(self.mesh.topology.original_cell_index) >= len(below.cells)
+        slave, master = self._sides(SIDE, ~upper), self._sides(SIDE + shift, upper)
+        self.contact = BodyContact(self.nodes, KINDS["plane_strain" if dim == 2 else "3d"], slave, master,
+                                   dofs=number[:, None] * dim + np.arange(dim), owned=self.owned, element=element)
+        self.contact.coefficient = PENALTY
+
+    def _sides(self, height, cells):
+        facets = meshing.boundary_facets(self.mesh, lambda x: np.isclose(x[self.dim - 1], height))
+        self.mesh.topology.create_connectivity(self.dim - 1, self.dim)
+        to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
+        return facets[cells[to_cell.array[to_cell.offsets[facets]]]]
+
+    def press(self):
+        """Displacements under a pressure on the top, between mirror planes; only contact holds the upper block up."""
+        dim, V = self.dim, self.V
+        lame, shear = YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON), YOUNG / 2 / (1 + POISSON)
+        strain = lambda w: ufl.sym(ufl.grad(w))  # noqa: E731
+        self.stress = lambda w: lame * ufl.tr(strain(w)) * ufl.Identity(dim) + 2 * shear * strain(w)
+        u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+        top = np.sort(meshing.boundary_facets(self.mesh, lambda x: np.isclose(x[dim - 1], 2 * SIDE)))
+        tags = dolfinx.mesh.meshtags(self.mesh, dim - 1, top, np.ones(len(top), np.int32))
+        ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags)(1)
+        A = fem_petsc.assemble_matrix(fem.form(ufl.inner(self.stress(u), strain(w)) * ufl.dx))
+        A.assemble()
+        b = fem_petsc.assemble_vector(fem.form(-PRESSURE * w[dim - 1] * ds))
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        U = fem.Function(V)
+        self.contact.search(self.nodes.x, 1.0)
+        self.contact.respond(U.x.petsc_vec, touching=1e-6)
+        A.axpy(1.0, self.contact.tangent(), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        held = [fem.locate_dofs_topological(V, dim - 1, meshing.boundary_facets(
+            self.mesh, lambda x, a=a: np.isclose(x[a], 0.0))) * dim + a for a in range(dim)]
+        held = np.unique(np.concatenate(held))
+        rows = (held[held < self.owned] + V.dofmap.index_map.local_range[0] * dim).astype(np.int32)
+        A.zeroRowsColumns(rows, diag=1.0)
+        b.setValues(rows, np.zeros(len(rows)))
+        b.assemble()
+        solver = PETSc.KSP().create(self.comm)
+        solver.setOperators(A)
+        solver.setType("preonly")
+        solver.getPC().setType("lu")
+        solver.getPC().setFactorSolverType("mumps")
+        solver.solve(b, U.x.petsc_vec)
+        U.x.scatter_forward()
+        self.contact.respond(U.x.petsc_vec)
+        return U
+
+    def stress_error(self, U):
+        """Deviation of the normal stress from the pressure, relative: root of the mean square over both blocks."""
+        off = (self.stress(U)[self.dim - 1, self.dim - 1] / -PRESSURE - 1) ** 2
+        mean = self.comm.allreduce(fem.assemble_scalar(fem.form(off * ufl.dx))) / (2 * SIDE**self.dim)
+        return np.sqrt(mean)
+
+
+def vector_of(stack, field):
+    """Unknowns whose nodal values are field(x (n, dim))."""
+    U = fem.Function(stack.V)
+    U.interpolate(lambda x: field(x[: stack.dim].T).T)
+    return U.x.petsc_vec
+
+
+@pytest.mark.parametrize("dim, low, high", [(2, 5, 3), (2, 3, 5), (3, 3, 2)])
+@pytest.mark.parametrize("element", ["integration_point", "node"])
+def test_forces_on_the_two_bodies_are_opposite_and_have_no_moment(dim, low, high, element):
+    """B sums to zero row by row, and normal forces act along the line from a point to its foot."""
+    stack = Stack(dim, low, high, element)
+    stack.contact.search(stack.nodes.x, 1.0)
+    stack.contact.respond(vector_of(stack, lambda x: np.eye(dim)[dim - 1] * np.sin(x[:, :1]) * (2 * SIDE - x[:, -1:])))
+    nodal = np.zeros((stack.nodes.count, dim))
+    cells = stack.mesh.geometry.dofmap
+    nodal[cells] = stack.contact.forces().array.reshape(-1, dim)[stack.V.dofmap.list]
+    size = np.abs(nodal).sum()
+    assert size > 0
+    assert np.abs(nodal.sum(axis=0)).max() < 1e-13 * size
+    x = stack.nodes.x
+    moments = [x[:, a] * nodal[:, b] - x[:, b] * nodal[:, a] for a in range(dim) for b in range(a)]
+    assert max(abs(m.sum()) for m in moments) < 1e-13 * size * SIDE
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_rigid_motion_of_both_bodies_together_presses_nothing(dim):
+    stack = Stack(dim, 3, 2)
+    stack.contact.search(stack.nodes.x, 1.0)
+    spin = np.zeros((dim, dim))
+    spin[0, 1], spin[1, 0] = -1.0, 1.0
+    relative = stack.contact.relative(vector_of(stack, lambda x: 3.0 + x @ spin.T))
+    assert np.abs(relative).max() < 1e-12 * SIDE
+
+
+@pytest.mark.parametrize("dim, low, high, element, allowed", [
+    (2, 13, 8, "integration_point", 0.001), (3, 4, 3, "integration_point", 0.001),
+    (2, 13, 8, "node", 0.05), (3, 4, 3, "node", 0.05)])
+def test_patch_test(dim, low, high, element, allowed):
+    """REFERENCES 6.3: uniform stress through unlike meshes, where nodal points fail by a few per cent."""
+    stack = Stack(dim, low, high, element)
+    U = stack.press()
+    assert stack.stress_error(U) < allowed
+    assert stack.contact.force()[dim - 1] == pytest.approx(-PRESSURE * SIDE ** (dim - 1), rel=1e-9)
+    modulus = YOUNG if dim == 3 else YOUNG / (1 - POISSON**2)
+    shortening = 2 * SIDE * PRESSURE / modulus + PRESSURE / PENALTY      # and the overlap p/C
+    lowest = U.x.array.reshape(-1, dim)[:, dim - 1].min()
+    assert lowest == pytest.approx(-shortening, rel=5e-3 if element == "node" else 1e-4)
+
+
+def test_open_gap_carries_nothing_and_an_overlap_presses():
+    apart = Stack(2, 3, 2, shift=0.1)
+    for interference, pressed in ((0.0, False), (0.2, True)):
+        apart.contact.interference = interference
+        apart.contact.search(apart.nodes.x, 1.0)
+        apart.contact.respond(vector_of(apart, np.zeros_like))
+        assert (apart.contact.force()[1] < 0) == pressed
+
+
+def test_points_beyond_the_rim_of_the_other_body_stay_open():
+    """The upper block is moved aside by half: half of the points are over it."""
+    stack = Stack(2, 4, 3)
+    x = stack.nodes.x.copy()
+    upper = np.asarray(stack.mesh.topology.original_cell_index) >= 2 * 4 * 4
+    x[np.unique(stack.nodes.cells[upper]), 0] += 0.5 * SIDE
+    stack.contact.search(x, 1.0)
+    at = stack.contact.points.trace(x)[:, 0]
+    np.testing.assert_array_equal(np.isfinite(stack.contact.state.gap), at > 0.5 * SIDE)
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_the_same_force_and_shortening():
+    code = ("from tests.unit.test_body_contact import Stack; import numpy as np; from mpi4py import MPI; "
+            "s = Stack(3, 3, 2); u = s.press(); f = s.contact.force(); "
+            "top = MPI.COMM_WORLD.allreduce(float(u.x.array[: s.owned].min()), MPI.MIN); "
+            "MPI.COMM_WORLD.rank == 0 and print('found', *f, top)")
+    found = []
+    for ranks in (1, 2):
+        out = subprocess.run(["mpirun", "-n", str(ranks), sys.executable, "-c", code], capture_output=True, text=True,
+                             check=True).stdout
+        found.append([float(w) for w in out.split("found")[1].split()])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
