@@ -207,7 +207,7 @@ class Simulation:
         history = self.body.new_history()
         dt = self.choice.next(0.0).dt
         self.body.place(0.0)
-        return State(0, 0.0, history, self.body.solve(0.0, history, self.scheme.look_ahead * dt), dt)
+        return State(0, 0.0, history, self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead), dt)
 
     def _resumed(self) -> State:
         saved, body, workpiece = self._saved.scalars, self.body, self.body.workpiece
@@ -278,7 +278,7 @@ class Simulation:
         try:
             self.body, history, flow = self.keeper.renew(
                 old, self.scheme, state.history, state.flow, reason=reason, step=state.step, time=state.time,
-                ahead=self.scheme.look_ahead * state.dt)
+                dt=state.dt)
         except (MeshError, ConvergenceError) as failure:
             observer.note(f"step {state.step}: the mesh stays as it is, for a new one failed: {failure}")
             return state
@@ -315,7 +315,7 @@ class Simulation:
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
         body.move_tools(time - 1e-12 * dt if turns else time)
-        flow = body.solve(time, end.history, self.scheme.look_ahead * ahead)
+        flow = body.solve(time, end.history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         return State(state.step + 1, time, end.history, flow, ahead, changes), 1 + end.solves, end.error
 
@@ -332,8 +332,8 @@ class Simulation:
         self.body.move_tools(state.time)
         ahead = self.choice.next(state.time, state.flow.rate).dt
         try:
-            ahead = self.scheme.look_ahead * (ahead if ahead < np.inf else state.dt)
-            flow = self.body.solve(state.time, state.history, ahead)
+            flow = self.body.solve(state.time, state.history, ahead if ahead < np.inf else state.dt,
+                                   ahead=self.scheme.look_ahead)
         except ConvergenceError:
             self._go_back(before, self.scheme, state.time)
             raise

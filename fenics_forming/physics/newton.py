@@ -107,7 +107,7 @@ class FlowSolver:
         body, settings, contact = self.workpiece, self.settings, self.workpiece.contact
         rate = self._start(task, ratio, cold)
         force = contact.resultants() if contact is not None else np.zeros(1)
-        lifting = not self._satisfied()
+        lifting, force_change = not self._satisfied(), 0.0
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
             lifting = False
@@ -119,8 +119,9 @@ class FlowSolver:
             if not np.isfinite(velocity_change):
                 raise ConvergenceError(f"the velocities became infinite in iteration {iteration}")
             before, force = force, self._respond(ratio, iteration)
-            force_change = _relative(force, before)
-            settled = velocity_change < settings.velocity_tolerance and force_change < settings.force_tolerance
+            last_change, force_change = force_change, _relative(force, before)
+            left = _left(force_change, last_change)
+            settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance:
                 body.is_cold = False
                 body.keep_rate(rate, task.characteristic_rate)
@@ -186,8 +187,7 @@ class FlowSolver:
         contact, settings = self.workpiece.contact, self.settings
         if contact is None:
             return np.zeros(1)
-        grip = 1.0 if iteration < 5 else 0.5 if iteration < 12 else 0.25     # calms points that open and close
-        contact.respond(self.workpiece.velocity, flow_stress=self._sigma_nodes, relaxation=grip,
+        contact.respond(self.workpiece.velocity, flow_stress=self._sigma_nodes, again=True,
                         slip0=contact.slip0 * ratio / settings.regularisation)
         return contact.resultants()
 
@@ -277,3 +277,8 @@ def _relative(force: np.ndarray, before: np.ndarray) -> float:
     """Greatest change of the forces relative to the greatest force; 0 where there is none."""
     size = np.abs(force).max()
     return float(np.abs(force - before).max() / size) if size > 0 else 0.0
+
+
+def _left(change: float, before: float) -> float:
+    """What is still to come where changes shrink like a geometric series; the last change where they do not."""
+    return change * min(1.0, change / (before - change)) if change < before else change

@@ -108,6 +108,10 @@ class FlowingBody:
         return done
 
     # ------------------------------------------------------------------ contact
+    def gaps(self) -> dict[str, np.ndarray]:
+        """Tool name → (points,) the gaps of the last search at the contact points, mm."""
+        return {tool.name: tool.state.gap for tool in self.tools}
+
     def search(self, dt: float) -> None:
         """Closest points of the contact facets; ``dt`` is what contact looks ahead."""
         if self.contact is None:
@@ -169,10 +173,13 @@ class FlowingBody:
             time *= (now - wanted) / (now - then)
         return time
 
-    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, step: float | None = None) -> Flow:
+    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, *, ahead: float = 1.0,
+              gaps: dict[str, np.ndarray] | None = None) -> Flow:
         """Flow at ``time`` on the present geometry, rest where nothing pushes the body.
 
-        Contact looks ahead by ``dt``, the rates are tied over ``step``.
+        dt : step to which the solve belongs, s; the rates are tied over it
+        ahead : share of it that contact looks ahead
+        gaps : what contact has to close instead of the present gaps (:meth:`gaps`), mm
 
         Raises
         ------
@@ -182,11 +189,13 @@ class FlowingBody:
         if self.inverted():
             raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try smaller "
                                    "steps, a coarser mesh near the fold, or stop earlier")
-        self.search(dt)
-        if not self.is_pushed(dt):
+        self.search(ahead * dt)
+        for tool in self.tools if gaps is not None else ():
+            tool.state.gap = gaps[tool.name]
+        if not self.is_pushed(ahead * dt):
             return self.rest()
         characteristic_rate = self.speed / self.height()
-        tied = max(TIE * (step or dt), LEAST_TIE / characteristic_rate)
+        tied = max(TIE * dt, LEAST_TIE / characteristic_rate)
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                                       step=tied, temperature=self._temperature, touching=1e-6 * self.size)

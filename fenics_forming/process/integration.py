@@ -3,7 +3,8 @@
 Each scheme gets the flow at the start of the step already solved and leaves positions and history at its end: what has
 gathered in the material points, by name and node, "effective_strain" always.
 ``solve(time, history, dt)`` places the tools, puts sunken nodes back, and solves the flow on the present geometry;
-dt is what the contact looks ahead, step (dt, if not given) the step to which the solve belongs.
+dt is the step to which the solve belongs, of which contact looks ahead the share ``ahead``, with the ``gaps`` of an earlier
+solve where they are given.
 """
 
 from __future__ import annotations
@@ -47,7 +48,10 @@ class Body(Protocol):
 
     x: np.ndarray
 
-    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, step: float | None = None) -> Flow: ...
+    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, *, ahead: float = 1.0,
+              gaps: dict[str, np.ndarray] | None = None) -> Flow: ...
+
+    def gaps(self) -> dict[str, np.ndarray]: ...
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None: ...
 
@@ -162,22 +166,22 @@ class Etd2(Scheme):
 
 
 class Midpoint(Scheme):
-    """Solve again half-way and move by that velocity; second order, two solves a step (the default).
+    r"""Solve again half-way and move by that velocity; second order, two solves a step (the default).
 
-    The velocity of the start carries the nodes for half of the step only, so its contact need not look ahead to the end:
-    with the whole step, landing points press too early (sticking billet at 60 %, steps of 3 % of the height: 2 to 3 %
-    too much force), with half of it they come late and chatter (4 % too little, 1.5 times the iterations).
-    0.8 was picked among six values there.
+    The velocity of the middle carries the nodes over the whole step, so what its contact may close is the gap of the start,
+    :math:`g_0-\Delta t\,c_n\ge0`: a point that comes to a tool in the step is on it at the end, wherever the predictor
+    has left it half-way. So the contact of the start, whose forces are recorded, looks ahead only over the half of the
+    step in which its velocity is used: the farther it looks, the earlier landing points press.
     """
 
     name = "midpoint"
-    look_ahead = 0.8
+    look_ahead = 0.5
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
-        x0 = body.x.copy()
+        x0, gaps = body.x.copy(), body.gaps()
         body.x[:] += dt / 2 * self.carried(body, start.velocity, dt / 2, "start")
         body.place(time + dt / 2)
-        middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt / 2, step=dt)
+        middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt, gaps=gaps)
         body.x[:] = shifting.explicit(x0, self.carried(body, middle.velocity, dt, "middle"), dt)
         body.place(time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
@@ -74,7 +74,7 @@ class MeshKeeper:
         return self.triggers.reason(body, flow.velocity, dt, step)
 
     def renew(self, body: FlowingBody, scheme: Scheme, history: dict, flow: Flow, *, reason: str, step: int, time: float,
-              ahead: float) -> tuple[FlowingBody, dict, Flow]:
+              dt: float) -> tuple[FlowingBody, dict, Flow]:
         """Body, history and flow on a new mesh; ``scheme`` goes on with its memory there. Collective.
 
         Raises
@@ -92,7 +92,7 @@ class MeshKeeper:
             new = flowing_body(self._scene, made.mesh, body.tools, self._mirrors)
             local = _scattered(new, made)
             history = {name: local[f"history.{name}"] for name in history}
-            flow = _flow(new, body, history, local, time, ahead)
+            flow = _flow(new, body, history, local, time, dt, scheme.look_ahead)
         except (MeshError, ConvergenceError):
             for tool, (state, traction) in zip(body.tools, before, strict=True):
                 tool.state, tool.traction = state, traction
@@ -130,15 +130,16 @@ def _scattered(body: FlowingBody, made: Renewed) -> dict[str, np.ndarray]:
     return {name: values if name.split(".")[-1] in QUADRATIC else nodes.with_mids(values) for name, values in local.items()}
 
 
-def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: float, ahead: float) -> Flow:
+def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: float, dt: float,
+          ahead: float) -> Flow:
     """The flow on the new mesh, from the one on the old."""
     new.continues(old)
     new.place(time)
-    new.search(ahead)
+    new.search(ahead * dt)
     w, rate_scale = new.workpiece, old.workpiece.last_rate[1]
     w.guess(local["velocity"], local["mean_stress"], local["rate"], rate_scale)
     new.contact.resume_from_nodes({t.name: local[f"pressure.{t.name}"] for t in new.tools}, local["velocity"], new.reach)
-    return replace(new.solve(time, history, ahead))
+    return new.solve(time, history, dt, ahead=ahead)
 
 
 def _forces(body: FlowingBody) -> list[float]:

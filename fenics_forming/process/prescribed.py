@@ -34,12 +34,15 @@ class PrescribedFlow:
     def x(self) -> np.ndarray:
         return self.nodes.x
 
-    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, step: float | None = None) -> Flow:
+    def solve(self, time: float, history: dict[str, np.ndarray], dt: float, *, ahead: float = 1.0, gaps=None) -> Flow:
         """The given field at ``time`` on the present positions."""
         self._velocity = np.array(self._field(self.x, time), float)
         D = self.kinematics.strain_rate_at(self.velocity_gradient(), self._velocity, self.x)
         rate = self.nodes.with_mids(np.sqrt(2 / 3 * np.einsum("ni,ni->n", D, D)))
         return Flow(self._velocity, {"effective_strain": rate}, 0)
+
+    def gaps(self) -> dict[str, np.ndarray]:
+        return {}
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
         if self._follow is not None:

@@ -29,18 +29,20 @@ def forces(outcome) -> np.ndarray:
 
 # ---------------------------------------------------------------------- nothing on the far side
 def test_body_pushed_into_free_space_is_told_that_nothing_opposes_it(tmp_path):
-    """Rigid-plastic flow has no answer there: the velocity of a free body needs inertia."""
+    """It goes along with the tool, without force and without deformation: what remains when inertia is left out."""
     outcome = run(ALONE, tmp_path)
-    assert outcome.failure is not None
-    assert "of the tools only 'upper' touches the body" in str(outcome.failure)
-    assert "mirror plane" in outcome.failure.advice
+    assert outcome.failure is None
+    assert np.abs(forces(outcome)).max() < 1e-3
+    assert outcome.last["max_effective_strain"] < 1e-6
+    top = outcome.results.summary["extents_mm"]["block"]["y"][1]
+    assert top == pytest.approx(2 - outcome.last["stroke_upper_mm"], abs=1e-6)
     assert any("nothing opposes the tool 'upper'" in note for note in outcome.heard.notes), "said at the start, too"
 
 
 def test_failure_in_the_first_solve_leaves_the_body_as_it_was_and_the_reason(tmp_path, capsys):
     """No row and no checkpoint, since nothing was solved; and none of an earlier run in the same folder either."""
     run(BLOCK, tmp_path, "stop.stroke=0.1")
-    outcome = run(ALONE, tmp_path)
+    outcome = run(BLOCK, tmp_path, "solver.max_iterations=2", "tools.upper.friction={ law = 'sticking' }")
     assert len(outcome.results.history) == 0 and len(outcome.results.frames) == 1
     assert sorted(p.name for p in tmp_path.iterdir() if p.suffix not in (".vtu", ".pvd")) == \
         ["scene.toml", "scene_in.toml", "summary.json"]
@@ -87,7 +89,6 @@ def test_body_that_floats_between_its_tools_is_pressed_when_both_have_it_or_fail
     outcome = run(BLOCK, tmp_path, "tools.upper.shape.point=[0, 2.12]", "tools.lower.shape.point=[0, -0.08]")
     if outcome.failure is None:
         assert outcome.results.summary["extents_mm"]["block"]["y"] == pytest.approx([-0.08, 1.62], abs=1e-4)
-        assert outcome.warnings, "what lands within a step presses at its start"
 
 
 # ---------------------------------------------------------------------- runs that cannot go on

@@ -132,7 +132,10 @@ class Given:
     def __init__(self, x, velocity, gradient):
         self.x, self._velocity, self._gradient = x, velocity, gradient
 
-    def solve(self, time, history, dt, step=None):
+    def gaps(self):
+        return {}
+
+    def solve(self, time, history, dt, *, ahead=1.0, gaps=None):
         return Flow(self._velocity(self.x, time), {}, 1)
 
     def place(self, time, slack=0.0):

@@ -8,9 +8,10 @@ import pytest
 from fenics_forming import read_scene, simulate
 
 SCENE = Path(__file__).parents[2] / "demos" / "scenes" / "billet_upsetting.toml"
-# reduction: force in kN and its band (elastic-plastic reference), converged rigid-plastic force
-TABLE = {0.1: (261, 1, 261.6), 0.2: (306, 1, 307.5), 0.3: (364, 3, 366), 0.4: (448, 5, 450), 0.5: (582, 6, 588),
-         0.6: (854, 15, 865)}
+# reduction: force in kN and its band (elastic-plastic reference), converged rigid-plastic force; above 40 % the mean of
+# twelve runs (meshes of 0.3 to 0.55 mm, steps of 0.15 and 0.075 mm), which agree to 0.4 %: landing sides make the rest
+TABLE = {0.1: (261, 1, 261.6), 0.2: (306, 1, 307.5), 0.3: (364, 3, 366), 0.4: (448, 5, 450), 0.5: (582, 6, 585),
+         0.6: (854, 15, 864)}
 
 
 @pytest.fixture(scope="module")

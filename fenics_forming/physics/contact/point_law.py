@@ -27,8 +27,8 @@ class PointState:
     """Data of one tool at the contact points: (points,) scalars, (points, dim) vectors.
 
     gap mm · normal · tool_velocity mm/s · multiplier N/mm² (vector) · friction_stress N/mm² · slip mm/s ·
-    pressure N/mm² · active · grip, the share of the friction
-    limit that acts: 1 closed, 0 open, between where a point grazes (any value is admissible at zero pressure)
+    pressure N/mm² · active · grip, the share of the friction limit that acts: 1 closed, 0 open, between where a point
+    grazes (any value is admissible at zero pressure) · pace of the grip in an iteration
     """
 
     gap: np.ndarray
@@ -40,12 +40,13 @@ class PointState:
     pressure: np.ndarray
     active: np.ndarray
     grip: np.ndarray
+    pace: np.ndarray
 
     @classmethod
     def at_rest(cls, count: int, dim: int) -> PointState:
         vector = lambda: np.zeros((count, dim))  # noqa: E731
         return cls(np.full(count, np.inf), vector(), vector(), vector(), vector(), vector(), np.zeros(count),
-                   np.zeros(count, dtype=bool), np.zeros(count))
+                   np.zeros(count, dtype=bool), np.zeros(count), np.ones(count))
 
 
 def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
@@ -56,6 +57,20 @@ def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float,
     trial = multiplier + coefficient * (closing - state.gap / dt)
     state.active = trial > 0 if touching is None else (trial > 0) | touching
     state.pressure = np.where(state.active, trial, 0.0)
+
+
+def follow_contact(state: PointState, before: np.ndarray | None) -> None:
+    """Update ``grip``: at once where ``before`` is None, else the more slowly the more often a point opens and closes.
+
+    A point that opens loses all of its friction, which may close it again: such cycles never end by themselves. The pace
+    of a point is halved when it differs from ``before``, (points,) active in the last iteration, and grows slowly while it
+    does not (more slowly than doubling: cycles of period three and four must lose pace too).
+    """
+    if before is None:
+        state.pace = np.ones(len(state.grip))
+    else:
+        state.pace = np.where(before == state.active, np.minimum(1.0, 1.2 * state.pace), 0.5 * state.pace)
+    state.grip = state.grip + state.pace * (state.active - state.grip)
 
 
 def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:

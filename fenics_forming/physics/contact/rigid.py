@@ -196,11 +196,12 @@ class RigidContact:
             tool.state.tool_velocity = tool.motion.velocity_at(self.points)
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                slip0: float | None = None, relaxation: float = 1.0) -> None:
+                slip0: float | None = None, again: bool = False) -> None:
         """Contact tractions and tangents for nodal velocities (nodes, dim), written into the facet integrals.
 
         flow_stress : (nodes,) for friction that is limited by it; touching : gap below which every point is closed,
-        for the first guess; slip0 : another slip regularisation, for the first guess and for continuation.
+        for the first guess; slip0 : another slip regularisation, for the first guess and for continuation; again : in the
+        same solve, where points that open and close must calm down.
         """
         v = self.facets.trace(velocity)
         slip0 = self.slip0 if slip0 is None else slip0
@@ -210,11 +211,12 @@ class RigidContact:
         for tool in self.tools:
             state = tool.state
             closed = None if touching is None else state.gap <= touching
+            before = state.active
             law.normal_pressure(state, v, self.coefficient, self.dt, closed)
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
-                state.grip += relaxation * (state.active - state.grip)
+                law.follow_contact(state, before if again else None)
                 limit = self._limit(tool, sigma)
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)
