@@ -22,13 +22,14 @@ from .process.schemes import scheme_of
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.folds import FoldRecord
-from .results.ledger import VolumeLedger
+from .results.ledger import PowerLedger, VolumeLedger
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results
 from .scene import Scene, check
 
 OUTSIDE = 1e-3     # of the body: material points farther outside at the start are worth a word
+NEAR_FORCE = 1e-3  # of a force to stop at: how exactly it is hit
 
 
 @dataclass
@@ -78,9 +79,11 @@ class Simulation:
                                                    for name, line in scene.flow_lines.items()})
         self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
         self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.restores_volume)
+        self.power_ledger = PowerLedger()
         self.folds = FoldRecord()
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
+            self.power_ledger.remember(self._saved.scalars["power_ledger"])
             self.folds.remember(self._saved.scalars["folds"])
         self.keeper = self._mesh_keeper()
         self.solves = 1
@@ -161,7 +164,8 @@ class Simulation:
         """
         observer = observer or Silent()
         self.choice = self._steps()
-        recorder = Recorder(self, out, resume_after=None if self._saved is None else self._saved.scalars["step"])
+        last = None if self._saved is None else self._saved.scalars["step"]
+        self._recorder = recorder = Recorder(self, out, resume_after=last)
         observer.started(recorder.introduction())
         for warning in self.warnings:
             observer.note(warning)
@@ -236,12 +240,12 @@ class Simulation:
         """One step; cut and tried again until it converges or becomes too short."""
         if state.time in self._turns:
             state = self._turned(state)
-        wanted, shortened, tries = self.scene.stop.height, None, 0     # a height to stop at is hit by secants
+        shortened, tries = None, 0                  # a height or force to stop at is hit by secants
         fresh = self.keeper is None                 # whether a new mesh would be no cure any more
         while True:
             limit, dt, reason = self._length(state, shortened)
             body = self.body
-            height, before, scheme = body.height(), body.snapshot(), copy.copy(self.scheme)
+            watched, before, scheme = self._watched(), body.snapshot(), copy.copy(self.scheme)
             try:
                 reached, solves, error = self._attempt(state, dt)
             except ConvergenceError as failure:
@@ -258,8 +262,10 @@ class Simulation:
             except KeyboardInterrupt:            # what is written next must belong together
                 self._go_back(before, scheme, state.time)
                 raise
-            if wanted is not None and tries < 5 and body.height() < wanted * (1 - 1e-6):
-                tries, shortened = tries + 1, dt * (height - wanted) / (height - body.height())
+            hit = min((dt * (wanted - then) / (now - then) for (then, wanted, near), (now, *_) in
+                       zip(watched, self._watched(), strict=False) if then < wanted < now - near), default=None)
+            if hit is not None and tries < 8 and dt > 1e-3 * limit.dt:      # a force may jump: then no step hits it
+                tries, shortened = tries + 1, hit
                 self._go_back(before, scheme, state.time)
                 continue
             self.choice.succeeded(error, body.size, body.landing_share())
@@ -289,6 +295,15 @@ class Simulation:
         observer.note(f"step {state.step}: new mesh, {self.keeper.records[-1]}")
         return replace(state, history=history, flow=flow)
 
+    def _watched(self) -> list[tuple[float, float, float]]:
+        """Of all that a run stops at and a step may go past: its value, rising, that to stop at, and how near is hit."""
+        stop, body, found = self.scene.stop, self.body, []
+        if stop.height is not None:
+            found.append((-body.height(), -stop.height, 1e-6 * stop.height))
+        if stop.force is not None and not body.workpiece.is_cold:      # at first contact it jumps
+            found.append((self._recorder.force(self.scene.counting_tool), stop.force, NEAR_FORCE * stop.force))
+        return found
+
     def _length(self, state: State, shortened: float | None) -> tuple[Limit, float, str]:
         """What the steps allow, the length of the step, s, and what set it: also first contact and a wanted height."""
         body, limit = self.body, self.choice.next(state.time, state.flow.rate)
@@ -298,7 +313,7 @@ class Simulation:
             touch = body.time_to_contact(dt)
             if 1e-9 * dt < touch < dt:
                 return limit, touch, "contact"
-        elif self.scene.stop.height is not None:
+        elif shortened is not None or self.scene.stop.height is not None:
             reached = shortened or body.time_to_height(self.scene.stop.height, state.flow.velocity, dt)
             if reached < dt:
                 return limit, max(reached, 1e-6 * dt), "target"
@@ -360,7 +375,7 @@ class Simulation:
             return f"stroke {stop.stroke:g} mm reached"
         if stop.time is not None and state.time >= stop.time * (1 - 1e-9):
             return f"time {stop.time:g} s reached"
-        if stop.force is not None and recorder.force_of(scene.counting_tool) >= stop.force:
+        if stop.force is not None and recorder.force(scene.counting_tool) >= stop.force * (1 - NEAR_FORCE):
             return f"force {stop.force:g} N reached"
         if stop.height is not None and self.body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
@@ -382,7 +397,7 @@ class Simulation:
             "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
             "points": _listed(self.points), "flow_lines": _listed(self.lines),
             "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
-            "folds": self.folds.memory(),
+            "power_ledger": self.power_ledger.memory(), "folds": self.folds.memory(),
             "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,
             "size": self.body.size, "reach": self.body.reach, "scheme": numbers,

@@ -12,7 +12,7 @@ from dolfinx.io.gmshio import cell_perm_array
 from mpi4py import MPI
 
 from ..errors import MeshError
-from .nodes import EDGES, quadratic_shapes
+from .nodes import EDGES, QUADRATURE_DEGREE, quadratic_shapes
 
 
 def order_two(mesh: dmesh.Mesh) -> dmesh.Mesh:
@@ -108,8 +108,7 @@ def generate(build, dim: int, size: float | None, *, corners=(), corner_size: fl
             if wanted is not None:
                 from .refining import refine
                 refine(gmsh, dim, wanted)
-            gmsh.model.mesh.setOrder(2)
-            return split_corner_cells(*arrays(gmsh, dim), dim)
+            return sound_arrays(gmsh, dim)
 
     return distributed(make, dim, comm)
 
@@ -152,6 +151,44 @@ def arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
     cells = cells[:, cell_perm_array(kind, _NODES[dim])]
     used, cells = np.unique(cells, return_inverse=True)
     return x.reshape(-1, 3)[used, :dim], cells.reshape(-1, _NODES[dim])
+
+
+def sound_arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh of the model raised to order 2, cells with several sides on the boundary split (:func:`split_corner_cells`).
+
+    A cell with a side on a surface that is curved more than the cell is large may be turned inside out by it. Then gmsh is
+    asked to move the nodes inside.
+
+    Raises
+    ------
+    MeshError
+        if that does not help.
+    """
+    gmsh.model.mesh.setOrder(2)
+    x, cells = split_corner_cells(*arrays(gmsh, dim), dim)
+    if inverted_cells(x, cells).any():
+        gmsh.model.mesh.optimize("HighOrder")
+        x, cells = split_corner_cells(*arrays(gmsh, dim), dim)
+        inverted = int(inverted_cells(x, cells).sum())
+        if inverted:
+            raise MeshError(f"{inverted} of {len(cells)} cells are turned inside out by the curved surface beside them; a "
+                            "smaller mesh_size follows it")
+    return x, cells
+
+
+def inverted_cells(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Whether the map of each cell of order 2 loses its orientation at an integration point of the flow, (cells,).
+
+    At a vertex it may be singular: two sides of a cell on one smooth curve meet there at 180 degrees.
+    """
+    dim = x.shape[1]
+    kind = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron
+    points, _ = basix.make_quadrature(kind, QUADRATURE_DEGREE[dim])
+    element = basix.create_element(basix.ElementFamily.P, kind, 2, basix.LagrangeVariant.gll_warped)
+    gradients = element.tabulate(1, points)[1:, :, :, 0]
+    det = np.linalg.det(np.einsum("kpa,cad->cpkd", gradients, x[cells]))
+    corners = x[cells[:, : dim + 1]]
+    return (det * np.linalg.det(corners[:, 1:] - corners[:, :1])[:, None] <= 0).any(axis=1)
 
 
 def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:

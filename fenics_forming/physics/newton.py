@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from ..errors import ConvergenceError
 from .linear import DirectSolver
 from .parallel import highest, total
+from .system import SystemMatrix
 from .workpiece import Workpiece
 
 
@@ -47,7 +48,7 @@ class FlowSolver:
         self.workpiece = workpiece
         self.settings = workpiece.settings
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
-        self.A = fem_petsc.create_matrix(workpiece.tangent_form)
+        self._matrix = SystemMatrix(workpiece.tangent_form)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self._linear: DirectSolver | None = None
         self._volume: float | None = None
@@ -205,7 +206,7 @@ class FlowSolver:
         body, contact = self.workpiece, self.workpiece.contact
         contact.silence()
         self._assemble(lifting=False, matrix_only=True)
-        diagonal = self.A.getDiagonal()
+        diagonal = self._matrix.petsc.getDiagonal()
         body.increment.x.petsc_vec.setArray(diagonal.array)
         body.increment.x.scatter_forward()
         stiffness = body.increment.x.array[body.velocity_dofs]
@@ -215,9 +216,7 @@ class FlowSolver:
     def _assemble(self, lifting: bool, matrix_only: bool = False):
         start = perf_counter()
         body = self.workpiece
-        self.A.zeroEntries()
-        fem_petsc.assemble_matrix(self.A, body.tangent_form, bcs=body.conditions)
-        self.A.assemble()
+        self._matrix.assemble(body.conditions)
         if not matrix_only:
             self._assemble_residual()
             if lifting:
@@ -252,7 +251,7 @@ class FlowSolver:
     def _linear_solve(self):
         start = perf_counter()
         if self._linear is None:
-            self._linear = DirectSolver(self.A)
+            self._linear = DirectSolver(self._matrix.petsc)
         self._linear.factorise()
         self._linear.solve(self.b, self.workpiece.increment.x.petsc_vec)
         self.workpiece.increment.x.scatter_forward()

@@ -88,6 +88,14 @@ class PowerLedger:
         self.worst = 0.0
         self.work = self.penalty_work = 0.0
 
+    def memory(self) -> dict:
+        """What a later run goes on from, as JSON can hold it."""
+        return dict(vars(self))
+
+    def remember(self, memory: dict) -> None:
+        """Take over what :meth:`memory` gave."""
+        vars(self).update(memory)
+
     def imbalance(self, body, dt: float) -> float:
         """Imbalance of the present flow of ``body``, relative to the power of the tools; 0 where nothing flows.
 

@@ -15,7 +15,7 @@ from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
 from .history import History
-from .ledger import DamageLedger, PowerLedger
+from .ledger import DamageLedger
 from .results import Results
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
@@ -37,7 +37,7 @@ class Recorder:
         self.seconds = {"output": 0.0, "fold search": 0.0}
         self.row: dict[str, float] = {}
         self.summary: dict = {}
-        self.volume, self.power = simulation.volume_ledger, PowerLedger()
+        self.volume, self.power = simulation.volume_ledger, simulation.power_ledger
         damage = self.scene.materials[self.scene.workpiece.material].damage
         self.damage = None if damage is None else DamageLedger(damage.critical)
         self.iterations, self._last_frame = 0, -1
@@ -110,7 +110,7 @@ class Recorder:
         for tool in scene.driven_tools:
             row[f"stroke_{tool}_mm"] = float(scene.tools[tool].drive.travel(state.time))
         for tool in body.tools:
-            row[f"force_{tool.name}_{unit}"] = self._force(tool)
+            row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:
             if tool.motion.centre is not None:
                 row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self._copies(None)
@@ -139,12 +139,9 @@ class Recorder:
                 row[f"{label}_temperature_degC"] = scene.workpiece.temperature
         return row
 
-    def force_of(self, tool: str) -> float:
-        """Force of a tool in the last row, N (N/mm in plane strain)."""
-        return next(v for k, v in self.row.items() if k.startswith(f"force_{tool}_N"))
-
-    def _force(self, tool) -> float:
-        """Force with which a tool pushes on the whole body, positive along its working direction."""
+    def force(self, name: str) -> float:
+        """Force with which a tool pushes on the whole body now, positive along its working direction, N (N/mm)."""
+        tool = next(tool for tool in self.run.body.tools if tool.name == name)
         direction = self._working_direction(tool)
         return float(self.run.body.contact.force(tool) @ direction) * self._copies(direction)
 

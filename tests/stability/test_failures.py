@@ -252,9 +252,16 @@ def test_stop_by_height_is_exact(tmp_path):
     assert outcome.heard.limited_by[-1] == "target" and outcome.results.summary["stopped"] == "height 1.777 mm reached"
 
 
-def test_stop_by_force_is_the_first_step_that_reaches_it(tmp_path):
+def test_stop_by_force_is_exact(tmp_path):
     outcome = run(BLOCK, tmp_path, "stop={ force = '600 N/mm' }")
-    assert (forces(outcome)[:-1] < 600).all() and forces(outcome)[-1] >= 600
+    assert (forces(outcome)[:-1] < 600).all()
+    assert forces(outcome)[-1] == pytest.approx(600, rel=1e-3)
+
+
+def test_stop_by_a_force_that_is_jumped_over_at_first_contact_ends_there(tmp_path):
+    """A perfectly plastic block takes its limit load at once."""
+    outcome = run(BLOCK, tmp_path, "tools.upper.shape.point=[0, 2.12]", "stop={ force = '60 N/mm' }")
+    assert (forces(outcome)[:-1] == 0).all() and forces(outcome)[-1] > 500
 
 
 def test_first_of_several_stops_counts(tmp_path):

@@ -42,6 +42,9 @@ def test_resumed_billet_goes_on(whole_billet, tmp_path):
     goes_on(whole_billet, again)
     assert again.summary["stopped"] == "stroke 9 mm reached"
     assert 4.5 in [time for time, _ in again.frames], "the end of the first part"
+    whole, resumed_one = (results.summary["ledger"]["power"] for results in (whole_billet, again))
+    assert resumed_one["penalty_share"] == pytest.approx(whole["penalty_share"], rel=1e-8), "summed over both parts"
+    assert resumed_one["worst_relative_imbalance"] == pytest.approx(whole["worst_relative_imbalance"], rel=1e-6)
 
 
 @pytest.mark.mpi

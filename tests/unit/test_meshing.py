@@ -275,3 +275,23 @@ def test_raising_a_mesh_to_order_2_keeps_its_body(dim):
     assert len(nodes.x) == 7**dim and len(nodes.cells) == (18 if dim == 2 else 162)
     assert np.allclose(nodes.with_mids(nodes.x.copy()), nodes.x, atol=1e-15)
     assert meshing.order_two(raised) is raised
+
+
+# ---------------------------------------------------------------------- cells beside coarse curved surfaces
+def bored_plate(gmsh, bore):
+    occ = gmsh.model.occ
+    occ.cut([(3, occ.addBox(-10, -10, 0, 20, 20, 10))], [(3, occ.addCylinder(0, 0, -1, 0, 0, 12, bore))])
+    occ.synchronize()
+
+
+@pytest.mark.parametrize("bore", [3, 8])
+def test_no_cell_beside_a_coarse_bore_is_inverted(bore):
+    """Beside the bore of 8 mm gmsh turns cells inside out when raising them to order 2."""
+    nodes = Nodes(meshing.generate(lambda gmsh: bored_plate(gmsh, bore), 3, 10.0))
+    assert nodes.smallest_jacobian() > 0
+    assert volume(nodes, "3d") == pytest.approx(10 * (400 - np.pi * bore**2), rel=0.02)
+
+
+def test_a_bore_that_no_cell_can_follow_asks_for_a_smaller_mesh_size():
+    with pytest.raises(MeshError, match="cells are turned inside out by the curved surface.* a smaller mesh_size"):
+        meshing.generate(lambda gmsh: bored_plate(gmsh, 9), 3, 10.0)
