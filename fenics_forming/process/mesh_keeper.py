@@ -17,26 +17,31 @@ from .placing import flowing_body
 from .remeshing import Carried, Renewed, renew
 from .triggers import Triggers
 
+# Of the mesh size, where the scene gives no min_size. Lips and notches at the ends of contact are as small as the elements
+# there; following them by finer ones would make smaller lips, and sides that the flow turns over within a step.
+FINEST_SIDE = 0.3
 QUADRATIC = ("velocity", "positions")     # of what a scheme remembers; all else is as smooth as a rate
 
 
 @dataclass(frozen=True)
 class Record:
-    """A remeshing that was done: after which step, time s, why, cells before and after, what made the mesh, changes of
-    volume by cause mm³, relative change of the integrals of the history, force of every tool before and after N, s."""
+    """A remeshing that was done: after which step, time s, why, cells before and after, what made the mesh, what of the
+    old boundary could not be kept, changes of volume by cause mm³, relative change of the integrals of the history,
+    force of every tool before and after N, s."""
 
     step: int
     time: float
     reason: str
     cells: tuple[int, int]
     engine: str
+    healed: tuple[str, ...]
     volume: dict[str, float]
     conservation: dict[str, float]
     forces: tuple[list[float], list[float]]
     seconds: float
 
     def __str__(self):
-        return f"{self.cells[0]} to {self.cells[1]} cells ({self.engine}): {self.reason}"
+        return "; ".join([f"{self.cells[0]} to {self.cells[1]} cells ({self.engine}): {self.reason}", *self.healed])
 
 
 class MeshKeeper:
@@ -84,8 +89,8 @@ class MeshKeeper:
         """
         numbers, remembered = scheme.memory()
         made = renew(body, _carried(body, history, flow, remembered), mirrors=self._mirrors,
-                     sizes=partial(self._sizes, body.tools), chord=self.settings.chord, engine=self.settings.engine,
-                     kept_volume=self._kept_volume)
+                     sizes=partial(self._sizes, body.tools), chord=self.settings.chord, least=self._least(),
+                     hover=self.settings.penetration, engine=self.settings.engine, kept_volume=self._kept_volume)
         before = [(tool.state, tool.traction) for tool in body.tools]
         forces = _forces(body)
         try:
@@ -100,9 +105,14 @@ class MeshKeeper:
         scheme.remember(numbers, {name: local[f"scheme.{name}"] for name in remembered})
         self.triggers.renewed(step, new)
         self.seconds["remeshing"] += made.seconds
-        self.records.append(Record(step, time, reason, made.cells, made.engine, made.volume, made.conservation,
+        self.records.append(Record(step, time, reason, made.cells, made.engine, made.healed, made.volume, made.conservation,
                                    (forces, _forces(new)), made.seconds))
         return new, history, flow
+
+    def _least(self) -> float:
+        """The finest sides that curvature, chord and short runs of the boundary may ask for, mm."""
+        settings = self.settings
+        return FINEST_SIDE * (settings.max_size or self._mesh_size) if settings.min_size is None else settings.min_size
 
     def _sizes(self, tools, body, labels, fields):
         """Wanted sizes of the elements of a whole body, on one rank."""
@@ -143,5 +153,5 @@ def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: 
 
 
 def _forces(body: FlowingBody) -> list[float]:
-    """Size of the force of every tool, N."""
-    return [float(np.linalg.norm(body.contact.force(tool))) for tool in body.tools]
+    """Size of the force of every tool, N; in axisymmetry of that along the axis."""
+    return np.linalg.norm(body.contact.resultants(), axis=1).tolist()

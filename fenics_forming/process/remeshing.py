@@ -8,11 +8,13 @@ from time import perf_counter
 import numpy as np
 from dolfinx.mesh import Mesh
 
+from ..errors import MeshError
 from ..physics.gather import gather_cells, gather_nodal
 from ..physics.meshing import from_arrays
 from ..physics.nodes import EDGES
 from ..physics.parallel import on_first_rank
-from ..physics.remeshing import BodyArrays, Remeshed, remesh
+from ..physics.remeshing import BodyArrays, Landing, Remeshed, remesh
+from ..physics.remeshing.quality import scaled_jacobian
 from .body import FlowingBody
 from .transfer import Transfer, conservation
 from .volume import FreeSurface
@@ -42,6 +44,7 @@ class Renewed:
 
     volume : changes, mm³ (mm² in plane strain), by cause: "remeshing", "corners", "given back"
     conservation : relative change of the integral of every linear field
+    healed : what of the old boundary could not be kept, in words
     """
 
     mesh: Mesh
@@ -50,11 +53,12 @@ class Renewed:
     conservation: dict[str, float]
     cells: tuple[int, int]
     engine: str
+    healed: tuple[str, ...]
     seconds: float
 
 
-def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], sizes, chord: float | None, engine: str,
-          kept_volume: float | None) -> Renewed:
+def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], sizes, chord: float | None, least: float,
+          hover: float, engine: str, kept_volume: float | None) -> Renewed:
     """A new mesh for the present shape of ``body``, with the fields ``carried`` on its nodes. Collective.
 
     Everything geometric happens on rank 0, so that the mesh does not depend on the number of ranks: new mesh on the old
@@ -64,6 +68,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     ----------
     mirrors : axis → coordinate of the mirror planes
     sizes : f(BodyArrays, labels, fields by name) → wanted size at points, mm, see ``adaptation``
+    least : mm; curvature, chord and short runs of the boundary ask for no finer sides
+    hover : of the wanted size: what is less high above a tool, beside contact, lands on it
     kept_volume : volume to be restored by a uniform offset of the free surface, mm³; None: left as it comes
 
     Raises
@@ -80,7 +86,10 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     def make():
         old = BodyArrays(x, cells)
         labels = side_labels(old, body.tools, mirrors, landed)
-        made = remesh(old, labels, sizes(old, labels, given.linear | given.quadratic), chord=chord, engine=engine)
+        wanted = sizes(old, labels, given.linear | given.quadratic)
+        landing = Landing({k: tool.gap for k, tool in enumerate(body.tools, start=1)},
+                          lambda points: hover * wanted(points), landed)
+        made = remesh(old, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
         surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
         volumes = [FreeSurface.of_arrays(x, cells, old.sides, kinematics, mirrors).volume(x), surface.volume(made.x)]
         placed = put_back(made, body.tools, mirrors)
@@ -88,6 +97,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         if kept_volume is not None:
             surface.offset_to(kept_volume, placed, body.tools)
         volumes.append(surface.volume(placed))
+        if scaled_jacobian(placed, made.cells).min() <= 0.0:
+            raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
         moved = Transfer(old, placed)
         fields = {name: moved.linear(values) for name, values in given.linear.items()}
         fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
@@ -101,9 +112,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     placed, made, fields, volume, lost = found or (np.empty((0, nodes.dim)), None, None, {}, {})
     new_cells = made.cells if made is not None else np.empty((0, cells_width(nodes.dim)), np.int64)
     mesh = from_arrays(placed, new_cells, nodes.comm)
-    told = (volume, lost, (len(cells), len(new_cells)) if made is not None else (), made and made.engine)
-    volume, lost, counts, used = nodes.comm.bcast(told, 0)
-    return Renewed(mesh, fields, volume, lost, counts, used, perf_counter() - start)
+    told = made and (volume, lost, (len(cells), len(new_cells)), made.engine, made.healed)
+    return Renewed(mesh, fields, *nodes.comm.bcast(told, 0), perf_counter() - start)
 
 
 def cells_width(dim: int) -> int:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from .body_arrays import BodyArrays, Remeshed, boundary_sides
+from .landing import Landing
 
-__all__ = ["BodyArrays", "Remeshed", "boundary_sides", "remesh"]
+__all__ = ["BodyArrays", "Landing", "Remeshed", "boundary_sides", "remesh"]
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None = None, corner_angle: float = 40.0,
-           engine: str = "auto") -> Remeshed:
+           engine: str = "auto", least: float | None = None, landing: Landing | None = None) -> Remeshed:
     """Mesh a body anew, on one rank.
 
     The new boundary lies on the old one, vertices and mid-nodes alike. Corners, the ends of runs of one label and
@@ -23,6 +24,8 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
     sizes : callable, points (k, dim) in mm to wanted element sizes (k,) in mm
     chord : largest distance between a straight side and the surface, mm; none: only `sizes` and the curvature count
     corner_angle : a boundary that turns by more than this, in degrees, has a corner (an edge in 3-D)
+    least : of a plane body: curvature, chord and short runs ask for no finer sides, mm
+    landing : of a plane body: what hovers just above tools lands on them, see `Landing`
     engine : "mmg", "gmsh", or "auto": mmg where it is installed, gmsh otherwise and as its rescue
 
     Raises
@@ -31,7 +34,8 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
         in one sentence, when no engine could mesh the body.
     """
     if body.dim == 2:
-        from . import plane as dimension
-    else:
-        from . import solid as dimension
-    return dimension.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine)
+        from . import plane
+        return plane.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine, least=least,
+                            landing=landing)
+    from . import solid
+    return solid.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine)

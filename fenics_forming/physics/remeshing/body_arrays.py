@@ -42,10 +42,12 @@ class Remeshed(BodyArrays):
     labels : (f,) label of each of ``sides``: 0 free surface, k >= 1 pressed by the k-th tool, -1 - axis on the
         mirror plane of that axis (the axis of rotation is the mirror plane r = 0)
     engine : what made the mesh: "mmg", "gmsh" or "gmsh, then mmg"
+    healed : what of the old boundary could not be kept, in words
     """
 
     labels: np.ndarray
     engine: str
+    healed: tuple[str, ...] = ()
 
 
 def boundary_sides(cells: np.ndarray, dim: int, x: np.ndarray) -> np.ndarray:

@@ -17,19 +17,23 @@ ATTEMPTS = 50       # folds of one loop
 SHORTEST = 0.1      # of the mean side: a piece of side up to the crossing that is shorter is left out
 
 
-def healed(x: np.ndarray, loop: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def healed(x: np.ndarray, loop: np.ndarray, labels: np.ndarray
+           ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
     """A loop of sides, (k, 3) start, end and middle, with its labels (k,), free of folds; new points are appended to x.
+    The last of the four are the places, mm, where folds have been cut off.
 
     Raises
     ------
     MeshError
         if more than a fold would have to be cut off.
     """
+    places = []
     for _ in range(ATTEMPTS):
         found = _shortest_fold(x, loop)
         if found is None:
-            return x, loop, labels
+            return x, loop, labels, places
         first, last, place = found
+        places.append(place)
         x, loop, labels = _without(x, loop, labels, first, last, place)
     raise MeshError("the body could not be meshed anew: its boundary crosses itself in too many places")
 

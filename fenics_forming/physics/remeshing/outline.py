@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import MeshError
 from .body_arrays import BodyArrays
 from .healing import healed
+from .landing import Landing, landed
 
 ROUNDING = 1e-12       # of the body: a mirror plane so near to the origin goes through it
 
@@ -31,12 +32,12 @@ class Chain:
     closed: bool
 
 
-def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, detail: float = 0.0) -> list[list[Chain]]:
-    """The closed loops of the boundary, free of folds, each cut into its chains.
+def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: Landing | None = None
+          ) -> tuple[list[list[Chain]], list[str]]:
+    """The closed loops of the boundary, free of folds and landed on the tools, each cut into its chains; what that changed.
 
     A chain ends where the label changes and where the sides turn by more than `corner_angle` (degrees), measured
-    between the end tangents of their parabolas; of corners that are nearer to each other than ``detail``, mm, along
-    the boundary, the sharpest stays.
+    between the end tangents of their parabolas.
 
     Raises
     ------
@@ -44,7 +45,20 @@ def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, detail: flo
         when two parts of the boundary touch in a node.
     """
     x, sides, labels = on_mirror_planes(body.x, body.sides, labels), body.sides, np.asarray(labels)
-    return [_chains(*healed(x, sides[loop], labels[loop]), corner_angle, len(x), detail) for loop in _walk(body.x, sides)]
+    found, changes = [], []
+    for numbers, turned in _walk(body.x, sides):
+        loop = sides[numbers]
+        loop[turned, :2] = loop[turned, 1::-1]
+        points, loop, kinds, folds = healed(x, loop, labels[numbers])
+        changes += [f"a fold at ({_words(place)}) mm cut off" for place in folds]
+        if landing is not None:
+            points, loop, kinds = landed(points, loop, kinds, landing)
+        found.append(_chains(points, loop, kinds, corner_angle, len(x)))
+    return found, changes
+
+
+def _words(place: np.ndarray) -> str:
+    return ", ".join(f"{c:.4g}" for c in place)
 
 
 def on_mirror_planes(x: np.ndarray, sides: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -58,35 +72,47 @@ def on_mirror_planes(x: np.ndarray, sides: np.ndarray, labels: np.ndarray) -> np
 
 
 def _walk(x: np.ndarray, sides: np.ndarray) -> list[np.ndarray]:
-    """Numbers of the sides of each loop, in turn."""
-    starts, first = np.unique(sides[:, 0], return_index=True)
-    if len(starts) < len(sides):
-        count = np.bincount(sides[:, 0])
+    """The sides of each loop, (k, 3), in turn.
+
+    Behind an inverted cell a side has been taken for one that runs the other way: the others of its loop tell.
+    """
+    ends, order = sides[:, :2].ravel(), np.argsort(sides[:, :2].ravel(), kind="stable")
+    count = np.bincount(ends)
+    if count.max() > 2:
         place = ", ".join(f"{c:.6g}" for c in x[np.argmax(count)])
         raise MeshError(f"the body is pinched: two parts of its boundary touch at ({place}) mm")
-    following = first[np.searchsorted(starts, sides[:, 1])].tolist()
+    # the other end at the same node: of side k, at its start (2 k) and at its end (2 k + 1)
+    partner = np.empty(len(ends), dtype=np.int64)
+    partner[order[0::2]], partner[order[1::2]] = order[1::2], order[0::2]
+    partner = partner.tolist()
     # following a boundary has no vector form; there are far fewer sides than cells
     left, found = set(range(len(sides))), []
     for side in range(len(sides)):
-        loop = []
-        while side in left:
-            left.discard(side)
-            loop.append(side)
-            side = following[side]
+        loop, leaving = [], 2 * side + 1
+        while leaving // 2 in left:
+            left.discard(leaving // 2)
+            loop.append(leaving)
+            leaving = partner[leaving] ^ 1
         if loop:
-            found.append(np.array(loop))
+            found.append(_oriented(sides, np.array(loop)))
     return found
 
 
+def _oriented(sides: np.ndarray, leaving: np.ndarray) -> np.ndarray:
+    """Numbers of the sides of a loop and whether each is turned, from the ends (k,) at which a way around leaves them."""
+    turned = leaving % 2 == 0
+    if turned.sum() > len(turned) / 2:
+        leaving, turned = leaving[::-1], ~turned[::-1]
+    return leaving // 2, turned
+
+
 def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float,
-            known: int, detail: float) -> list[Chain]:
+            known: int) -> list[Chain]:
     """One loop, cut at its features; without any it is one closed chain. Nodes from ``known`` on are not of the body."""
     start, end, middle = (x[sides[:, k]] for k in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, start - 4 * middle + 3 * end      # end tangents of the parabolas
     turn = angle_between(np.roll(arriving, 1, axis=0), leaving)
-    corner = np.where(np.abs(turn) > np.radians(corner_angle), np.abs(turn), 0.0)
-    corner[labels != np.roll(labels, 1)] = np.inf
-    feature = _sharpest(corner, np.linalg.norm(end - start, axis=1), detail)
+    feature = (np.abs(turn) > np.radians(corner_angle)) | (labels != np.roll(labels, 1))
     closed = not feature.any()
     first = np.flatnonzero(feature) if not closed else np.array([0])
     chains = []
@@ -95,18 +121,6 @@ def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: 
         nodes = np.append(run[:, [0, 2]].ravel(), run[-1, 1])
         chains.append(Chain(x[nodes], _known(nodes, known), int(labels[begin]), closed))
     return chains
-
-
-def _sharpest(corner: np.ndarray, length: np.ndarray, detail: float) -> np.ndarray:
-    """Which of the corners at the starts of the sides, (k,) with their turn, stay: no sharper one within ``detail``."""
-    place = np.cumsum(length) - length
-    stays = corner > 0.0
-    for k in np.flatnonzero(stays)[np.argsort(corner[stays], kind="stable")]:     # there are a few in all
-        away = np.abs(place - place[k])
-        near = stays & (np.minimum(away, length.sum() - away) < detail)
-        near[k] = False
-        stays[k] = np.isinf(corner[k]) or not near.any()
-    return stays
 
 
 def _known(nodes: np.ndarray, known: int) -> np.ndarray:

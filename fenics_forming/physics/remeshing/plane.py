@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...errors import MeshError
@@ -13,6 +15,7 @@ from .crossing import crossing
 from .curve import Curve
 from .filling import fill
 from .gradation import edges_of, over_mesh
+from .landing import Landing
 from .outline import loops
 from .quality import scaled_jacobian
 from .resampling import Boundary, Outline
@@ -21,15 +24,16 @@ ATTEMPTS = 4         # with finer and finer sides where the one before failed
 FLATTEST = 0.25      # scaled Jacobian of a cell behind a curved side; below, the side is halved
 
 
-def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float,
-           engine: str) -> Remeshed:
+def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float, engine: str,
+           least: float | None, landing: Landing | None) -> Remeshed:
     """See `fenics_forming.physics.remeshing.remesh`.
 
     Coarse sides may cross each other and a cell may have no room for the curve of its side: such sides get finer
     in the next attempt; where an engine fails, all sides do.
     """
-    curves = [[Curve(chain) for chain in loop] for loop in loops(body, labels, corner_angle)]
-    boundary = Boundary(curves, sizes, _around(body, sizes), chord)
+    chains, changes = loops(body, labels, corner_angle, landing)
+    curves = [[Curve(chain) for chain in loop] for loop in chains]
+    boundary = Boundary(curves, sizes, _around(body, sizes), chord, least)
     best, room, reasons = None, 0.0, {}
     for _ in range(ATTEMPTS):
         outline = boundary.resample()
@@ -51,7 +55,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
         boundary.refine(spans)
     if best is None:
         raise MeshError(f"the body could not be meshed anew: {'; '.join(reasons.values())}")
-    return best
+    return replace(best, healed=tuple(changes))
 
 
 def _around(body: BodyArrays, sizes) -> np.ndarray:

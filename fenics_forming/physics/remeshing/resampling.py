@@ -60,13 +60,15 @@ class Boundary:
     ----------
     sizes : callable, wanted sizes at points
     around : (n,) wanted size at the vertices of the old body, no larger than what is small near by allows
+    least : curvature and short runs ask for no less, mm; None: for a share of the wanted size, the chord for any
 
     Attributes
     ----------
     h : (k,) wanted lengths at the samples of all curves in turn, mm
     """
 
-    def __init__(self, loops: list[list[Curve]], sizes, around: np.ndarray, chord: float | None):
+    def __init__(self, loops: list[list[Curve]], sizes, around: np.ndarray, chord: float | None,
+                 least: float | None = None):
         self.curves = [curve for loop in loops for curve in loop]
         self._loop = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])    # of each curve
         self._starts = np.concatenate([[0.0], np.cumsum([c.length for c in self.curves])])
@@ -75,7 +77,7 @@ class Boundary:
         self._loop_of_sample = np.repeat(self._loop, count)
         self._s = np.concatenate([c.s + at for c, at in zip(self.curves, self._starts, strict=False)])
         self._limits = self._starts[np.searchsorted(self._loop, np.arange(len(loops) + 1))]    # of the loops
-        self.h = self._graded(self._wanted(sizes, around, chord))
+        self.h = self._graded(self._wanted(sizes, around, chord, least))
 
     def resample(self) -> Outline:
         """New vertices and mid-nodes on the curves, one side on each at least."""
@@ -103,18 +105,19 @@ class Boundary:
             inside = (k >= 0) & (self._s <= spans[np.maximum(k, 0), 1])
         self.h = self._graded(np.where(inside, 0.5 * self.h, self.h))
 
-    def _wanted(self, sizes, around, chord: float | None) -> np.ndarray:
+    def _wanted(self, sizes, around, chord: float | None, least: float | None) -> np.ndarray:
         points = np.concatenate([c.at(c.s) for c in self.curves])
         asked = np.minimum(np.asarray(sizes(points), dtype=float),
                            np.concatenate([c.interpolate(around) for c in self.curves]))
         curvature = np.concatenate([c.curvature() for c in self.curves])
         length = np.concatenate([np.full(len(c.s), c.length) for c in self.curves])
         reach = min(float(asked.max()), 0.5 * float(np.ptp(points, axis=0).max()))
+        floor = 0.0 if least is None else np.minimum(asked, least)
         with np.errstate(divide="ignore"):
-            h = np.maximum(np.minimum(LARGEST_TURN / curvature, length), SMALLEST * asked)
+            h = np.maximum(np.minimum(LARGEST_TURN / curvature, length), np.maximum(SMALLEST * asked, floor))
             h = np.minimum(h, np.maximum(self._thickness(points, reach), THINNEST * asked))
             if chord is not None:
-                h = np.minimum(h, np.sqrt(8.0 * chord / curvature))
+                h = np.minimum(h, np.maximum(np.sqrt(8.0 * chord / curvature), floor))
         return np.minimum(h, asked)
 
     def _graded(self, h: np.ndarray) -> np.ndarray:
