@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from ..physics.contact.rigid import RigidContact, ToolMotion
 from ..physics.newton import FlowSolver
-from ..physics.parallel import highest, lowest
+from ..physics.parallel import highest, lowest, total
 from ..physics.workpiece import Workpiece
 from .frozen import FrozenField
 from .integration import Flow
@@ -202,13 +202,27 @@ class FlowingBody:
         if not self.is_pushed(ahead * dt):
             return self.rest()
         characteristic_rate = self.speed / self.height()
-        tied = max(TIE * dt, LEAST_TIE / characteristic_rate)
+        tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                                       step=tied, temperature=self._temperature, touching=1e-6 * self.size)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
+
+    def _mean_rate(self, characteristic_rate: float) -> float:
+        """Effective strain rate of the solve before, 1/s, where the body flows: its mean weighted by itself.
+
+        Of a body that flows as a whole it is about the characteristic rate; in an extrusion, where only a small part
+        flows at a time, it is much higher. Collective.
+        """
+        if self.workpiece.last_rate is None:
+            return 0.0
+        rate, before = self.workpiece.last_rate
+        rate = rate.reshape(len(self.nodes.cells), -1)
+        size = self.nodes.cell_sizes()[:, None]
+        sums = total(self.nodes.comm, np.array([(size * rate**2).sum(), (size * rate).sum()]))
+        return float(sums[0] / sums[1]) * characteristic_rate / before if sums[1] > 0 else 0.0
 
     def new_history(self) -> dict[str, np.ndarray]:
         """What gathers in the material, by name and node: nothing yet."""

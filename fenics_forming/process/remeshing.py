@@ -15,7 +15,9 @@ from ..physics.nodes import EDGES
 from ..physics.parallel import on_first_rank
 from ..physics.remeshing import BodyArrays, Landing, Remeshed, remesh
 from ..physics.remeshing.quality import scaled_jacobian
+from ..physics.surface import Surface
 from .body import FlowingBody
+from .tool_corners import drawn_to_corners
 from .transfer import Transfer, conservation
 from .volume import FreeSurface
 
@@ -85,18 +87,19 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
 
     def make():
         old = BodyArrays(x, cells)
-        labels = side_labels(old, body.tools, mirrors, landed)
-        wanted = sizes(old, labels, given.linear | given.quadratic)
+        wanted = sizes(old, side_labels(old, body.tools, mirrors, landed), given.linear | given.quadratic)
+        drawn = drawn_to_corners(old, wanted, body.tools, mirrors)
+        labels = side_labels(drawn, body.tools, mirrors, landed)
         landing = Landing({k: tool.gap for k, tool in enumerate(body.tools, start=1)},
                           lambda points: hover * wanted(points), landed)
-        made = remesh(old, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
+        made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
         surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
-        volumes = [FreeSurface.of_arrays(x, cells, old.sides, kinematics, mirrors).volume(x), surface.volume(made.x)]
+        start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
+        new = surface.volume(made.x)
         placed = put_back(made, body.tools, mirrors)
-        volumes.append(surface.volume(placed))
+        back = surface.volume(placed)
         if kept_volume is not None:
             surface.offset_to(kept_volume, placed, body.tools)
-        volumes.append(surface.volume(placed))
         if scaled_jacobian(placed, made.cells).min() <= 0.0:
             raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
         moved = Transfer(old, placed)
@@ -105,7 +108,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         lost = conservation(old, BodyArrays(placed, made.cells), {
             name: (given.linear[name], fields[name]) for name in given.linear if name.startswith("history.")},
             axisymmetric=kinematics.name == "axisymmetric")
-        change = dict(zip(("remeshing", "corners", "given back"), np.diff(volumes).tolist(), strict=True))
+        change = {"remeshing": new - known, "corners": known - start + back - new,
+                  "given back": surface.volume(placed) - back}
         return placed, made, fields, change, lost
 
     found = on_first_rank(nodes.comm, make)

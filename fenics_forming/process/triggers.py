@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.parallel import lowest
+from ..physics.parallel import highest, lowest
 from ..physics.remeshing import quality
 from ..physics.surface import Surface
 from ..scene.meshes import Remesh
 from .body import FlowingBody
 from .penetration import corner_undercut, side_penetration
+from .tool_corners import left_corner
 
 
 @dataclass
@@ -56,6 +57,9 @@ class Triggers:
             for name, depths in measure(surface, body.x, body.tools).items():
                 if depths.worst > self.settings.penetration:
                     return f"{what.format(name)} by {depths.worst:.2f} of the element size"
+        for name, away in left_corner(surface.sides, body.x, body.tools).items():
+            if highest(surface.comm, away) > self.settings.penetration:
+                return f"no vertex is left at a corner of '{name}'"
         return None
 
     def renewed(self, step: int, body: FlowingBody) -> None:
