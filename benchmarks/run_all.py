@@ -10,6 +10,7 @@ from contextlib import redirect_stdout
 
 import billet
 import closest_point
+import remeshing
 
 TEXT = """# Benchmarks
 
@@ -30,6 +31,13 @@ error; its radius shows it. A run that says *failed* ended before 60 %, however 
 
 {billet}
 
+## Renewing the mesh
+
+`remesh = true`, everything else as in the scenes. *Remeshing and transfer*: part of the wall time, without the solve on the
+new mesh. *Largest jump*: of the die force at one and the same instant, before and after a remeshing.
+
+{remeshing}
+
 ## Closest points on tools
 
 20 000 points within 2 % of the surface, one thread: time to build the surface, points per second, and how far the
@@ -46,7 +54,7 @@ def main() -> None:
     measured = billet.main()
     with redirect_stdout(io.StringIO()) as table:
         closest_point.main()
-    page = TEXT.format(billet=measured, closest_point=table.getvalue().strip())
+    page = TEXT.format(billet=measured, remeshing=remeshing.main(), closest_point=table.getvalue().strip())
     (billet.HERE / "README.md").write_text(page, encoding="utf-8")
     print(page)
 
