@@ -37,7 +37,8 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None,
                             from_boundary=workpiece.mesh_size is not None,
-                            wanted=_finer_parts(scene, tools, lambda: size, corners), comm=comm)
+                            wanted=_finer_parts(scene, tools, lambda: size, corners),
+                            enduring=workpiece.remesh is not None, comm=comm)
     return mesh, size
 
 
@@ -172,7 +173,7 @@ def _from_file(scene, tools, comm):
         gmsh.option.setNumber("Mesh.MeshSizeMax", size["h"])
 
     mesh = meshing.generate(build, dim, workpiece.mesh_size, wanted=_finer_parts(scene, tools, lambda: size["h"], ()),
-                            comm=comm)
+                            enduring=workpiece.remesh is not None, comm=comm)
     return mesh, comm.bcast(size.get("h"), 0)
 
 

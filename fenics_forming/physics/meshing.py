@@ -90,13 +90,14 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
 
 
 def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
-             from_boundary: bool = True, wanted=None, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
+             from_boundary: bool = True, wanted=None, enduring: bool = False, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it.
 
     Parameters
     ----------
     from_boundary : sizes inside follow the sides on the boundary, of which a whole number has to fit; else ``size``
     wanted : finer parts, see `refining.refine`
+    enduring : solids get better cells at corners, at some expense, so that a remeshing is due later
     """
     def make():
         with gmsh_model() as gmsh:
@@ -108,7 +109,7 @@ def generate(build, dim: int, size: float | None, *, corners=(), corner_size: fl
             if wanted is not None:
                 from .refining import refine
                 refine(gmsh, dim, wanted)
-            return sound_arrays(gmsh, dim)
+            return sound_arrays(gmsh, dim, _improved if enduring and dim == 3 else split_corner_cells)
 
     return distributed(make, dim, comm)
 
@@ -153,8 +154,8 @@ def arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
     return x.reshape(-1, 3)[used, :dim], cells.reshape(-1, _NODES[dim])
 
 
-def sound_arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh of the model raised to order 2, cells with several sides on the boundary split (:func:`split_corner_cells`).
+def sound_arrays(gmsh, dim: int, split) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh of the model raised to order 2, cells with several sides on the boundary split (as `split_corner_cells` does).
 
     A cell with a side on a surface that is curved more than the cell is large may be turned inside out by it. Then gmsh is
     asked to move the nodes inside.
@@ -165,10 +166,10 @@ def sound_arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
         if that does not help.
     """
     gmsh.model.mesh.setOrder(2)
-    x, cells = split_corner_cells(*arrays(gmsh, dim), dim)
+    x, cells = split(*arrays(gmsh, dim), dim)
     if inverted_cells(x, cells).any():
         gmsh.model.mesh.optimize("HighOrder")
-        x, cells = split_corner_cells(*arrays(gmsh, dim), dim)
+        x, cells = split(*arrays(gmsh, dim), dim)
         inverted = int(inverted_cells(x, cells).sum())
         if inverted:
             raise MeshError(f"{inverted} of {len(cells)} cells are turned inside out by the curved surface beside them; a "
@@ -227,6 +228,13 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
         columns = [centre_number if v == side else old[:, v] for v in range(dim + 1)] + [number(e) for e in edges]
         new.append(np.stack(columns, axis=1))
     return x, np.concatenate([cells[~cut], *new])
+
+
+def _improved(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    from .remeshing.solid import BodyArrays, improved
+
+    better = improved(BodyArrays(x, cells))
+    return better.x, better.cells
 
 
 def _sizes(gmsh, size, corners, corner_size, growth):

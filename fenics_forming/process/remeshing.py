@@ -105,6 +105,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         moved = Transfer(old, placed)
         fields = {name: moved.linear(values) for name, values in given.linear.items()}
         fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
+        for name in given.linear:
+            fields[name] = means_at_mids(made, fields[name])
         lost = conservation(old, BodyArrays(placed, made.cells), {
             name: (given.linear[name], fields[name]) for name in given.linear if name.startswith("history.")},
             axisymmetric=kinematics.name == "axisymmetric")
@@ -118,6 +120,14 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     mesh = from_arrays(placed, new_cells, nodes.comm)
     told = made and (volume, lost, (len(cells), len(new_cells)), made.engine, made.healed)
     return Renewed(mesh, fields, *nodes.comm.bcast(told, 0), perf_counter() - start)
+
+
+def means_at_mids(body: BodyArrays, values: np.ndarray) -> np.ndarray:
+    """Nodal values (n, …) with the mean of the ends of its edge at every mid-node: linear fields stay linear."""
+    values = values.copy()
+    for k, (a, b) in enumerate(EDGES[body.dim]):
+        values[body.cells[:, body.dim + 1 + k]] = 0.5 * (values[body.cells[:, a]] + values[body.cells[:, b]])
+    return values
 
 
 def cells_width(dim: int) -> int:

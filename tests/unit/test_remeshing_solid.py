@@ -7,7 +7,7 @@ from mpi4py import MPI
 from fenics_forming.errors import MeshError
 from fenics_forming.physics import meshing
 from fenics_forming.physics.nodes import Nodes
-from fenics_forming.physics.remeshing import BodyArrays, mmg, remesh
+from fenics_forming.physics.remeshing import BodyArrays, mmg, remesh, solid
 from fenics_forming.physics.remeshing.quadratic import Curves, Facets
 from fenics_forming.physics.remeshing.quality import Quality, scaled_jacobian
 from fenics_forming.physics.remeshing.straight import cell_edges, on_boundary
@@ -94,6 +94,16 @@ def test_block_keeps_its_faces_labels_and_volume(engine):
     assert len(edges) == 8, "the corners of the cube stay"
     assert on_boundary(new.cells[:, :4]).sum(axis=1).max() == 1
     assert new.engine == engine
+
+
+def test_first_mesh_keeps_its_body_and_has_one_boundary_side_a_cell():
+    """Cut at their centres, cells with two boundary sides would leave radius ratios of 0.16 or less."""
+    raw = BodyArrays(*quarter_cylinder(0.4))
+    better = solid.improved(raw)
+    assert on_boundary(better.cells[:, :4]).sum(axis=1).max() == 1
+    assert len(better.sides) == len(raw.sides)
+    assert volume(better) == pytest.approx(volume(raw), rel=1e-3)     # nodes slide along the old surface
+    assert Quality.of(better.x, better.cells).smallest > 0.2 and scaled_jacobian(better.x, better.cells).min() > 0.5
 
 
 @pytest.mark.parametrize("engine", ENGINES)

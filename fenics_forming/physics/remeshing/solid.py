@@ -29,9 +29,25 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     sides = _oriented_sides(body, cells)
     features = find_features(body.x, sides, np.asarray(labels), corner_angle)
     surface = OldSurface(body.x, sides, features)
-    if chord is not None:
-        sizes = within_chord(sizes, body.x, sides, chord)
+    sizes = within_chord(sizes, body.x, sides, chord)
     mesh, name = _by_an_engine(_straight(body.x, cells, sides, features), surface, sizes, chord, engine)
+    return _finished(mesh, surface, name)
+
+
+def improved(body: BodyArrays, corner_angle: float = 40.0) -> Remeshed:
+    """The same body with its cells made better: those with several boundary sides split, nodes moved to better places.
+
+    For first meshes: cut at its centre, as `meshing.split_corner_cells` does, a cell leaves four with radius ratios
+    near 0.16, which are worn out long before the others. Labels are 0.
+    """
+    cells = oriented(body.x, body.cells[:, :4])
+    sides = _oriented_sides(body, cells)
+    features = find_features(body.x, sides, np.zeros(len(sides), np.int64), corner_angle)
+    return _finished(one_side_each(_straight(body.x, cells, sides, features)), OldSurface(body.x, sides, features), "")
+
+
+def _finished(mesh: Straight, surface: OldSurface, engine: str) -> Remeshed:
+    """A straight mesh improved and raised to order 2 on the old surface."""
     for _ in range(ROUNDS):
         mesh = vertices_placed(improve(mesh), surface)
     x, cells, mids, patch = raised(mesh, surface)
@@ -40,7 +56,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     count = len(x)
     order = np.argsort(keys(mids, count))
     at = order[np.searchsorted(keys(mids, count)[order], keys(new[:, 3:], count))]
-    return Remeshed(x=x, cells=cells, labels=features.patch_labels[patch][at], engine=name)
+    return Remeshed(x=x, cells=cells, labels=surface.features.patch_labels[patch][at], engine=engine)
 
 
 def _by_an_engine(old: Straight, surface: OldSurface, sizes, chord, engine: str) -> tuple[Straight, str]:

@@ -11,6 +11,8 @@ from .quadratic import Curves, Facets
 from .straight import Straight
 
 FLAT = 1e-12            # of the size of the body: a coordinate that varies less over a patch is the same
+STANDOFF = 0.07         # of the size: how far a straight edge may stand off the surface, if the scene gives no chord
+FINEST = 0.4            # of the size: what curvature alone may ask for
 ZIGZAG = 0.2            # of the length of an edge: a line that is further away from its middle runs in zigzag
 
 
@@ -110,19 +112,23 @@ def level(x, sides, patch, surface) -> None:
         surface.level(x, int(k), np.unique(sides[patch == k]))
 
 
-def within_chord(sizes, x: np.ndarray, sides: np.ndarray, chord: float):
+def within_chord(sizes, x: np.ndarray, sides: np.ndarray, chord: float | None):
     """The sizes, near a curved surface at most those of straight edges that leave it by no more than the chord distance.
 
     An edge of length l whose mid-node stands off by s may have the length l √(chord/s). From the nearest vertex of the
-    surface inwards that limit grows as sizes may.
+    surface inwards that limit grows as sizes may. Without a chord distance STANDOFF of the size counts, and the limit is
+    not below FINEST of the size: what has rolled up tightly (a rim that folds onto a tool) keeps its shape nearly.
     """
     edges = sides[:, np.array(FACET_EDGES)].reshape(-1, 3)
     a, b, middle = (x[edges[:, k]] for k in range(3))
     along, off = b - a, middle - (a + b) / 2
     length2 = np.einsum("ek,ek->e", along, along)
     off = np.linalg.norm(off - along * (np.einsum("ek,ek->e", off, along) / length2)[:, None], axis=1)
+    size = sizes(middle)
     with np.errstate(divide="ignore"):
-        allowed = np.sqrt(length2 * chord / off)
+        allowed = np.sqrt(length2 * (STANDOFF * size if chord is None else chord) / off)
+    if chord is None:
+        allowed = np.maximum(allowed, FINEST * size)
     vertices, row = np.unique(edges[:, :2], return_inverse=True)
     limit = np.full(len(vertices), np.inf)
     np.minimum.at(limit, row.reshape(-1, 2), allowed[:, None])
