@@ -155,7 +155,7 @@ def arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sound_arrays(gmsh, dim: int, split) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh of the model raised to order 2, cells with several sides on the boundary split (as `split_corner_cells` does).
+    """The mesh of the model raised to order 2, cells with several sides on the boundary split (see `split_corner_cells`).
 
     A cell with a side on a surface that is curved more than the cell is large may be turned inside out by it. Then gmsh is
     asked to move the nodes inside.
