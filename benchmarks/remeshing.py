@@ -64,7 +64,8 @@ def main() -> str:
         "run": lambda r: r["run"], "steps": lambda r: r["steps"], "remeshings": lambda r: r["remeshings"],
         "CPU s": lambda r: f"{r['cpu_s']:.2f}", "remeshing and transfer": percent("remeshing_share", 1),
         "largest jump of the force": percent("force_jump"),
-        "change of the integral of the strain": percent("strain_integral"), "volume": lambda r: f"{r['volume_error']:+.0e}"})
+        "change of the integral of the strain": percent("strain_integral"),
+        "volume": lambda r: f"{r['volume_error']:+.0e}"})
 
 
 if __name__ == "__main__":
