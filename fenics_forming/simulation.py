@@ -22,7 +22,7 @@ from .process.schemes import scheme_of
 from .process.timestep import Adaptivity, Limit, StepChoice
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.folds import FoldRecord
-from .results.ledger import PowerLedger, VolumeLedger
+from .results.ledger import PowerLedger, VolumeLedger, VolumeLedgers
 from .results.progress import Silent
 from .results.recorder import Recorder
 from .results.results import Results
@@ -66,19 +66,14 @@ class Simulation:
         self.warnings = check(scene)
         tools = known_tools(scene)
         self._saved = load_checkpoint(resume) if resume is not None else None
-        if self._saved is None:
-            mesh, self.mesh_size = body_mesh(scene, tools, comm)
-        else:
-            mesh, self.mesh_size = self._saved.mesh(comm), self._saved.scalars["mesh_size"]
-        self.mirrors = mirror_planes(scene, mesh) if self._saved is None else \
-            {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
-        self.body = flowing_body(scene, mesh, tools, self.mirrors)
+        self._place_bodies(tools)
         self.scheme = scheme_of(scene.shifting)
         self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
-        self.start_volume = self.body.workpiece.volume() if self._saved is None else self._saved.scalars["start_volume"]
-        self.volume_ledger = VolumeLedger(self.start_volume, restored=scene.restores_volume)
+        self.start_volume = self._volume() if self._saved is None else self._saved.scalars["start_volume"]
+        self.volume_ledger = VolumeLedgers(self.start_volume) if scene.is_assembled else \
+            VolumeLedger(self.start_volume, restored=scene.restores_volume)
         self.power_ledger = PowerLedger()
         self.folds = FoldRecord()
         if self._saved is not None:
@@ -95,6 +90,25 @@ class Simulation:
         return self.body.nodes
 
     # ------------------------------------------------------------------ building
+    def _place_bodies(self, tools) -> None:
+        """The mesh, new or as it was saved, and what flows on it between the tools."""
+        scene, saved = self.scene, self._saved
+        if scene.is_assembled:
+            from .process.assembling import assemble
+            self.body, self.mesh_size, self.mirrors = assemble(scene, tools, self.comm, saved)
+            return
+        if saved is None:
+            mesh, self.mesh_size = body_mesh(scene, tools, self.comm)
+            self.mirrors = mirror_planes(scene, mesh)
+        else:
+            mesh, self.mesh_size = saved.mesh(self.comm), saved.scalars["mesh_size"]
+            self.mirrors = {int(a): v for a, v in saved.scalars["mirrors"].items()}
+        self.body = flowing_body(scene, mesh, tools, self.mirrors)
+
+    def _volume(self) -> float | dict[str, float]:
+        """Volume of the body, mm³ (mm² in plane strain), of several by name."""
+        return self.body.volumes() if self.scene.is_assembled else self.body.workpiece.volume()
+
     def _followed(self, group: str, at_start: dict[str, np.ndarray]) -> MaterialPoints | None:
         """Material points of a table of the scene; None where it names none."""
         if not at_start:
@@ -103,7 +117,10 @@ class Simulation:
         missing = [name for name in at_start if name not in saved]
         if missing:
             raise SceneError("the checkpoint does not follow it; resume without it", key=f"{group}.{missing[0]}")
-        points = MaterialPoints(self.nodes, {name: saved[name] for name in at_start})
+        cells = None
+        if self.body.parts is not None:
+            cells = {name: self.body.parts.cells_of(getattr(self.scene, group)[name].body) for name in at_start}
+        points = MaterialPoints(self.nodes, {name: saved[name] for name in at_start}, cells=cells)
         self.warnings += [f"{group}.{name}: lies up to {distance.max():.2g} mm outside the body and starts at its surface"
                           for name, distance in points.distance.items() if distance.max() > OUTSIDE * self.body.size]
         return points
@@ -233,6 +250,9 @@ class Simulation:
             workpiece.set_start(local["velocity"], local["mean_stress"])
             workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
             body.contact.resume(scatter_facets(self.nodes, body.contact.facets, self._saved.facetwise), local["velocity"])
+            if body.interfaces is not None:
+                body.interfaces.resume({name: scatter_facets(self.nodes, contact.points, self._saved.between[name])["state"]
+                                        for name, contact in body.interfaces.by_name.items()}, local["velocity"])
             flow = Flow(workpiece.velocity, body.rates(history), 0)
         return State(saved["step"], saved["time"], history, flow, saved["dt"])
 
@@ -336,6 +356,8 @@ class Simulation:
 
     def _account_for_volume(self) -> dict[str, float]:
         """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""
+        if self.scene.is_assembled:
+            return {name: {"corners": change} for name, change in self.body.returned_volumes().items()}
         changes = {"corners": self.body.returned_volume()}
         if self.volume_ledger.restored:
             changes["given back"] = self.body.restore_volume(self.start_volume).given_back
@@ -394,7 +416,7 @@ class Simulation:
         numbers, remembered = self.scheme.memory()
         save_checkpoint(path, self.nodes, scalars={
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
-            "mesh_size": self.mesh_size, "mirrors": {str(a): v for a, v in self.mirrors.items()},
+            "mesh_size": self.mesh_size, "mirrors": _with_words(self.mirrors), "bodies": self.body.making(),
             "points": _listed(self.points), "flow_lines": _listed(self.lines),
             "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
             "power_ledger": self.power_ledger.memory(), "folds": self.folds.memory(),
@@ -406,7 +428,12 @@ class Simulation:
                    **{f"history.{name}": values for name, values in state.history.items()},
                    **{f"scheme.{name}": values for name, values in remembered.items()}},
             cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
-            facetwise=contact.memory(), facets=contact.facets)
+            facetwise=contact.memory(), facets=contact.facets, between=self.body.between())
+
+
+def _with_words(table: dict) -> dict:
+    """The same nested tables with words for keys, as JSON has them."""
+    return {str(key): _with_words(value) if isinstance(value, dict) else value for key, value in table.items()}
 
 
 def _listed(points: MaterialPoints | None) -> dict[str, list]:

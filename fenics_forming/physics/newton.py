@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from ..errors import ConvergenceError
 from .linear import DirectSolver
 from .parallel import highest, total
-from .system import SystemMatrix
+from .system import CoupledMatrix, SystemMatrix
 from .workpiece import Workpiece
 
 
@@ -48,7 +48,9 @@ class FlowSolver:
         self.workpiece = workpiece
         self.settings = workpiece.settings
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
-        self._matrix = SystemMatrix(workpiece.tangent_form)
+        interfaces = workpiece.interfaces
+        self._matrix = SystemMatrix(workpiece.tangent_form) if interfaces is None else \
+            CoupledMatrix(workpiece.tangent_form, interfaces)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self._linear: DirectSolver | None = None
         self._volume: float | None = None
@@ -106,8 +108,10 @@ class FlowSolver:
     def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:
         """Newton iterations at one regularisation until velocities, forces and power no longer change."""
         body, settings, contact = self.workpiece, self.settings, self.workpiece.contact
+        if body.interfaces is not None and self._matrix.follow(body.conditions):
+            self._linear = None
         rate = self._start(task, ratio, cold)
-        force = contact.resultants() if contact is not None else np.zeros(1)
+        force = self._resultants()
         lifting, force_change = not self._satisfied(), 0.0
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
@@ -151,16 +155,19 @@ class FlowSolver:
         if self._volume is None:
             self._volume = body.volume()
         self.usual_power = flow_stress * task.characteristic_rate * self._volume
+        if body.parts is not None:
+            body.set_drag(self.usual_power / self._volume)
         if contact is not None:
             if contact.reference is None:
                 self._set_penalty(flow_stress)
             contact.scale_penalty(flow_stress)
-            if cold:
-                contact.rebuild_stress()
-            elif self.settings.augmented:
-                contact.augment()
-            contact.respond(body.velocity, flow_stress=self._sigma_nodes, touching=task.touching if cold else None,
-                            slip0=contact.slip0 / contact.slip_regularisation if cold else None)
+            for part in body.contacts:
+                if cold:
+                    part.rebuild_stress()
+                elif self.settings.augmented:
+                    part.augment()
+                part.respond(body.velocity, flow_stress=self._sigma_nodes, touching=task.touching if cold else None,
+                             slip0=contact.slip0 / contact.slip_regularisation if cold else None)
         return rate
 
     def _advance(self, task: _Task, rate: np.ndarray, ratio: float, first: bool) -> np.ndarray:
@@ -184,27 +191,31 @@ class FlowSolver:
         return rate
 
     def _respond(self, ratio: float, iteration: int) -> np.ndarray:
-        """Contact tractions at the present velocities; the resultant forces, (tools, k)."""
-        contact, settings = self.workpiece.contact, self.settings
-        if contact is None:
-            return np.zeros(1)
-        contact.respond(self.workpiece.velocity, flow_stress=self._sigma_nodes, again=True,
-                        slip0=contact.slip0 * ratio / settings.regularisation)
-        return contact.resultants()
+        """Contact tractions at the present velocities; the resultant forces, (tools and pairs of bodies, k)."""
+        body, settings = self.workpiece, self.settings
+        for part in body.contacts:
+            part.respond(body.velocity, flow_stress=self._sigma_nodes, again=True,
+                         slip0=body.contact.slip0 * ratio / settings.regularisation)
+        return self._resultants()
+
+    def _resultants(self) -> np.ndarray:
+        contacts = self.workpiece.contacts
+        return np.concatenate([part.resultants() for part in contacts]) if contacts else np.zeros((1, 1))
 
     # ------------------------------------------------------------------ parts of an iteration
     def _nodal_flow_stress(self, task: _Task, rate: np.ndarray | None) -> np.ndarray | None:
         """Flow stress at the nodes, which limits friction; None where there is none. Without a rate: the usual one."""
         body = self.workpiece
-        if body.contact is None or not body.contact.needs_flow_stress:
+        if not any(part.needs_flow_stress for part in body.contacts):
             return None
         usual = task.characteristic_rate
         rate = np.full(body.nodes.count, usual) if rate is None else np.maximum(rate, self.settings.regularisation * usual)
-        return np.broadcast_to(body.law(task.nodal_strain, rate, task.nodal_temperature), rate.shape)
+        return np.broadcast_to(body.nodal_law(task.nodal_strain, rate, task.nodal_temperature), rate.shape)
 
     def _set_penalty(self, flow_stress: float):
         body, contact = self.workpiece, self.workpiece.contact
-        contact.silence()
+        for part in body.contacts:
+            part.silence()
         self._assemble(lifting=False, matrix_only=True)
         diagonal = self._matrix.petsc.getDiagonal()
         body.increment.x.petsc_vec.setArray(diagonal.array)
@@ -233,6 +244,8 @@ class FlowSolver:
         with self.b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(self.b, body.residual_form)
+        if body.interfaces is not None:
+            body.interfaces.add_forces(self.b)
 
     def _power_imbalance(self) -> float:
         """Power that the residual does on the present velocities, relative to the plastic power."""

@@ -35,3 +35,34 @@ class SystemMatrix:
         self._rows.data[:] = 0.0
         fem.assemble_matrix(self._rows, self._form, bcs=conditions)
         self.petsc.stateIncrease()      # the values came from behind PETSc's back: factorise anew
+
+
+class CoupledMatrix:
+    """The matrix of a form and of the contact between bodies, whose pattern follows their pairing.
+
+    The couplings never go into the pattern of the form one by one: both patterns are merged as a whole, where pairs have
+    come that the present one does not hold.
+
+    Attributes
+    ----------
+    petsc : the matrix; another one after :meth:`follow` has said so
+    """
+
+    def __init__(self, form: fem.Form, interfaces):
+        self._bulk, self._interfaces = SystemMatrix(form), interfaces
+        self.petsc = self._bulk.petsc
+
+    def follow(self, conditions) -> bool:
+        """Make place for new pairs; whether the matrix is another one now. Collective."""
+        if not self._interfaces.has_new_pairs:
+            return False
+        self._bulk.assemble(conditions)     # an empty matrix would lose its pattern
+        self.petsc = self._interfaces.merged(self._bulk.petsc)
+        return True
+
+    def assemble(self, conditions) -> None:
+        """Values anew; rows and columns of the conditions are those of the identity. Collective."""
+        self._bulk.assemble(conditions)
+        self.petsc.zeroEntries()
+        self.petsc.axpy(1.0, self._bulk.petsc, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._interfaces.add_tangent(self.petsc)

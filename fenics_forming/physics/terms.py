@@ -34,3 +34,8 @@ def incompressibility(v, p, w, q, divergence, weight, dx):
 def body_force_power(f, w, weight, dx):
     r"""Power of a force per volume, :math:`-\int f\cdot w\,dV`."""
     return -ufl.inner(f, w) * weight * dx
+
+
+def drag(v, w, coefficient, weight, dx):
+    r"""Power of a drag that keeps bodies at rest that nothing holds, :math:`\int c\,v\cdot w\,dV`."""
+    return coefficient * ufl.inner(v, w) * weight * dx

@@ -18,24 +18,26 @@ class MaterialPoints:
     ----------
     nodes : the mesh as it lies now
     at : name → (k, dim) positions now, mm; a point slightly outside (on a curved side) takes the nearest place of the body
+    cells : name → owned cells, by number, that the points may lie in, where a mesh holds several bodies; all if not given
 
     Attributes
     ----------
     distance : name → (k,) mm between what was asked for and the place in the body
     """
 
-    def __init__(self, nodes: Nodes, at: dict[str, np.ndarray]):
+    def __init__(self, nodes: Nodes, at: dict[str, np.ndarray], *, cells: dict[str, np.ndarray] | None = None):
         self._nodes, self._names = nodes, list(at)
         rows = [np.asarray(places, float).reshape(-1, nodes.dim) for places in at.values()]
         self._ends = np.cumsum([len(row) for row in rows])[:-1]
         asked = np.concatenate(rows)
-        found = Locator(nodes.x, nodes.cells).find_curved(asked) if len(nodes.cells) else None
-        distance, mine = _one_owner(nodes.comm, np.full(len(asked), np.inf) if found is None else found.distance)
+        if cells is None:
+            distance, hosts, shapes = _located(nodes, asked, np.arange(len(nodes.cells)))
+        else:
+            found = [_located(nodes, row, cells[name]) for name, row in zip(at, rows, strict=True)]
+            distance, hosts, shapes = (np.concatenate(column) for column in zip(*found, strict=True))
+        distance, mine = _one_owner(nodes.comm, distance)
         self.distance, self._mine, self._count = self._by_name(distance), np.flatnonzero(mine), len(asked)
-        self._rows = self._shapes = np.empty((0, nodes.cells.shape[1]), int)
-        if found is not None:
-            self._rows = nodes.cells[found.cells[self._mine]]
-            self._shapes = quadratic_shapes(found.barycentric[self._mine], nodes.dim)
+        self._rows, self._shapes = hosts[self._mine], shapes[self._mine]
 
     def values(self, nodal: np.ndarray) -> dict[str, np.ndarray]:
         """Values of a nodal field (nodes[, c]) at the points, name → (k[, c]), on every rank. Collective."""
@@ -54,6 +56,16 @@ class MaterialPoints:
 
     def _by_name(self, rows):
         return dict(zip(self._names, np.split(rows, self._ends), strict=True))
+
+
+def _located(nodes: Nodes, points: np.ndarray, cells: np.ndarray):
+    """Distance (k,) of points from the nearest of this rank's ``cells``, infinite where it has none, the nodes of that
+    cell (k, 6 | 10) and the shape functions there."""
+    width = nodes.cells.shape[1]
+    if not len(cells):
+        return np.full(len(points), np.inf), np.zeros((len(points), width), int), np.zeros((len(points), width))
+    found = Locator(nodes.x, nodes.cells[cells]).find_curved(points)
+    return found.distance, nodes.cells[cells[found.cells]], quadratic_shapes(found.barycentric, nodes.dim)
 
 
 def _one_owner(comm, distance):

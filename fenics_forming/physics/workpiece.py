@@ -23,7 +23,11 @@ from .kinematics import Kinematics
 from .nodes import QUADRATURE_DEGREE, Nodes
 from .parallel import total
 from .settings import NewtonSettings
-from .terms import body_force_power, incompressibility, plastic, plastic_tangent
+from .terms import body_force_power, drag, incompressibility, plastic, plastic_tangent
+
+# Of several bodies one may be free to move as a whole, which would make the system singular: a drag holds it where it
+# is, that takes this share of the power of plastic flow where a body moves at the speed of the tools.
+DRAG = 1e-6
 
 
 # ---------------------------------------------------------------------- conditions on the velocity
@@ -63,7 +67,8 @@ class Workpiece:
     ----------
     nodes : the order-2 mesh by its nodes
     kinematics : geometry kind
-    flow_stress : law, f(strain, rate, temperature) → MPa (``laws.flow_stress``)
+    flow_stress : law, f(strain, rate, temperature) → MPa (``laws.flow_stress``); of several bodies one for each
+    parts : which cells and nodes belong to which body, where there are several; then ``pairs`` of them may touch
     fixed : conditions on the velocity
     contact : ``RigidContact`` or None
     body_force : UFL vector or tuple of numbers, N/mm³, or None
@@ -71,8 +76,8 @@ class Workpiece:
     """
 
     def __init__(self, nodes: Nodes, *, kinematics: Kinematics, flow_stress, fixed=(), contact=None, body_force=None,
-                 pressure_datum: bool = False, settings: NewtonSettings = NewtonSettings()):
-        self.nodes, self.kinematics, self.law = nodes, kinematics, flow_stress
+                 pressure_datum: bool = False, settings: NewtonSettings = NewtonSettings(), parts=None, pairs=()):
+        self.nodes, self.kinematics, self.parts = nodes, kinematics, parts
         self.contact, self.settings = contact, settings
         mesh, dim = nodes.mesh, nodes.dim
         cell = mesh.basix_cell()
@@ -91,10 +96,12 @@ class Workpiece:
         self.rate0 = fem.Constant(mesh, 1.0)
         points, _ = basix.make_quadrature(cell, degree)
         self._hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
+        self._take_laws(flow_stress, len(points))
         self._compile(points, body_force, degree)
 
         self.fixed = tuple(fixed)
         self._fix(pressure_datum)
+        self.interfaces = self._interfaces(pairs) if pairs else None
         self.strain_rate = np.zeros((len(nodes.cells) * len(points), kinematics.components))
         self.tau = np.zeros_like(self.strain_rate)
         self.is_cold = True
@@ -102,6 +109,34 @@ class Workpiece:
         self.continuity: RateContinuity | None = None
         self._hardened_at = self._hardened = None      # flow stress of a law without rate, and the strains it is of
         self.last_rate: tuple[np.ndarray, float] | None = None
+
+    # ------------------------------------------------------------------ several bodies
+    def _take_laws(self, flow_stress, points: int):
+        """The law at points and nodes, ``law`` and ``nodal_law``; of several bodies that of whose they are."""
+        self.law = self.nodal_law = self._corner_law = flow_stress
+        if self.parts is not None:
+            from .parts import LawsByRow
+            of_cell, corners = self.parts.of_cell, self.nodes.vertices.shape
+            self.law = LawsByRow(flow_stress, np.repeat(of_cell, points))
+            self.nodal_law = LawsByRow(flow_stress, self.parts.of_node)
+            self._corner_law = LawsByRow(flow_stress, np.broadcast_to(of_cell[:, None], corners))
+
+    def _interfaces(self, pairs):
+        from .contact.interfaces import Interfaces
+        local = self.velocity_dofs
+        number = self.space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
+        return Interfaces(self.nodes, self.kinematics, list(pairs), self.contact, dofs=number.astype(np.int64),
+                          owned=self.owned, free=~np.isin(local, self.fixed_dofs))
+
+    def set_drag(self, usual: float) -> None:
+        """Hold back bodies that are free to move; ``usual`` power of plastic flow, mW/mm³, at the speed of the tools."""
+        speed = self.contact.speed if self.contact is not None else 1.0
+        self.drag.value = DRAG * usual / speed**2
+
+    @property
+    def contacts(self) -> tuple:
+        """Contact with tools and between bodies, as far as there is."""
+        return tuple(part for part in (self.contact, self.interfaces) if part is not None)
 
     # ------------------------------------------------------------------ forms
     def _compile(self, points, body_force, degree):
@@ -123,6 +158,9 @@ class Workpiece:
         if body_force is not None:
             f = ufl.as_vector(body_force) if isinstance(body_force, (tuple, list)) else body_force
             terms["body_force"] = body_force_power(f, w, weight, dx)
+        if self.parts is not None:
+            self.drag = fem.Constant(mesh, 0.0)
+            terms["drag"], tangents["drag"] = drag(v, w, self.drag, weight, dx), drag(dv, w, self.drag, weight, dx)
         entity_maps = {}
         if self.contact is not None:
             terms["contact"] = self.contact.facets.virtual_power(w, weight)
@@ -270,7 +308,7 @@ class Workpiece:
         D, corners = self._strain_rate_at_vertices(), self.nodes.vertices
         rate = np.sqrt(2 / 3 * np.einsum("cvk,cvk->cv", D, D))
         regular = np.hypot(rate, float(self.rate0.value))
-        flow_stress = self.law(strain[corners], regular, None if temperature is None else temperature[corners])
+        flow_stress = self._corner_law(strain[corners], regular, None if temperature is None else temperature[corners])
         flow_stress = np.broadcast_to(flow_stress, rate.shape)
         largest = flow_stress / regular * 2 / 3 * self.kinematics.largest_principal(D) + self.mean_stress[corners]
         return self.nodes.vertex_mean(damage.rate(largest, flow_stress) * rate)

@@ -35,20 +35,23 @@ class FlowingBody:
     drives : tool name → drive of ``laws.equipment``; tools that are not named rest
     boundary : (n,) nodes that a tool may touch
     height_axis : the axis along which the main tool moves; the extent on it makes the characteristic rate
-    temperature : degC, or None
+    temperature : degC, or None; of several bodies (nodes,)
     damage : law of ``laws.damage``, or None: no damage gathers
     free_surface : of the same nodes, to measure and restore the volume by
+    surfaces : the same by name, where there are several bodies
     """
 
     def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
-                 temperature: float | None = None, damage=None, free_surface: FreeSurface | None = None):
+                 temperature: float | np.ndarray | None = None, damage=None, free_surface: FreeSurface | None = None,
+                 surfaces: dict[str, FreeSurface] | None = None):
         self.workpiece, self.nodes = workpiece, workpiece.nodes
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
         self._drives, self._boundary, self.height_axis = drives, boundary, height_axis
-        self.free_surface = free_surface
-        self._temperature = None if temperature is None else np.full(self.nodes.count, float(temperature))
+        self.interfaces, self.parts = workpiece.interfaces, workpiece.parts
+        self.free_surface, self.surfaces = free_surface, surfaces or {}
+        self._temperature = None if temperature is None else np.full(self.nodes.count, temperature, float)
         self._damage = damage
         self._held = workpiece.held()
         self._held_at = self.x[self._held]
@@ -89,9 +92,10 @@ class FlowingBody:
 
     def _put_on_mirrors(self) -> None:
         """Nodes of mirror planes back where those are: a gradient averaged over cells (``etd2``) carries them off a bit."""
-        if self.free_surface is not None:
-            for axis, on_plane in self.free_surface.on_plane.items():
-                self.x[on_plane, axis] = self.free_surface.mirrors[axis]
+        surfaces = self.surfaces.values() if self.free_surface is None else [self.free_surface]
+        for surface in surfaces:
+            for axis, on_plane in surface.on_plane.items():
+                self.x[on_plane, axis] = surface.mirrors[axis]
 
     def _pressed_nodes(self) -> dict[str, np.ndarray]:
         return self.contact.pressed_nodes() if self.tools and not self.workpiece.is_cold else {}
@@ -102,9 +106,28 @@ class FlowingBody:
         moved = (self.x[self._boundary] != self._as_shifted).any()
         if not highest(self.nodes.comm, float(moved)):
             return 0.0
+        shifted = self._before_placing()
+        return self.free_surface.volume(self.x) - self.free_surface.volume(shifted)
+
+    def returned_volumes(self) -> dict[str, float]:
+        """The same of several bodies, by name. Collective."""
+        shifted = self._before_placing()
+        return {name: s.volume(self.x) - s.volume(shifted) for name, s in self.surfaces.items()}
+
+    def volumes(self) -> dict[str, float]:
+        """Volumes of several bodies now, mm³ (mm² in plane strain), by name. Collective."""
+        return {name: surface.volume(self.x) for name, surface in self.surfaces.items()}
+
+    def skins(self) -> list[tuple[FreeSurface, np.ndarray]]:
+        """The free surface of every body, and its cells of this rank, (cells, nodes of a cell)."""
+        if self.free_surface is not None:
+            return [(self.free_surface, self.nodes.cells)]
+        return [(surface, self.nodes.cells[self.parts.cells_of(name)]) for name, surface in self.surfaces.items()]
+
+    def _before_placing(self) -> np.ndarray:
         shifted = self.x.copy()
         shifted[self._boundary] = self._as_shifted
-        return self.free_surface.volume(self.x) - self.free_surface.volume(shifted)
+        return shifted
 
     def restore_volume(self, volume: float) -> Restored:
         """Offset the free surface until the body has the given volume, mm³; pressed nodes stay. Collective."""
@@ -114,10 +137,24 @@ class FlowingBody:
         self.seconds["shifting"] += perf_counter() - start
         return done
 
+    def making(self) -> dict | None:
+        """How several bodies share the mesh: cells of each, and which of two in contact holds the points."""
+        if self.parts is None:
+            return None
+        return {"cells": self.parts.counts, "slaves": {} if self.interfaces is None else self.interfaces.slaves}
+
+    def between(self) -> dict[str, tuple] | None:
+        """Pair of bodies → the points of their contact, and what the next solve starts from there, (points, k)."""
+        if self.interfaces is None:
+            return None
+        memory = self.interfaces.memory()
+        return {name: (contact.points, {"state": memory[name]}) for name, contact in self.interfaces.by_name.items()}
+
     # ------------------------------------------------------------------ contact
     def gaps(self) -> dict[str, np.ndarray]:
-        """Tool name → (points,) the gaps of the last search at the contact points, mm."""
-        return {tool.name: tool.state.gap for tool in self.tools}
+        """Tool or pair of bodies → (points,) the gaps of the last search at the contact points, mm."""
+        of_tools = {tool.name: tool.state.gap for tool in self.tools}
+        return of_tools if self.interfaces is None else of_tools | self.interfaces.gaps()
 
     def search(self, dt: float) -> None:
         """Closest points of the contact facets; ``dt`` is what contact looks ahead."""
@@ -129,6 +166,8 @@ class FlowingBody:
         if speed > 0:
             self.speed = speed
         self.contact.set_speed(self.speed)
+        if self.interfaces is not None:
+            self.interfaces.search(self.x, dt, self.speed)
         self.seconds["contact search"] += perf_counter() - start
 
     def tool_speed(self) -> float:
@@ -199,6 +238,8 @@ class FlowingBody:
         self.search(ahead * dt)
         for tool in self.tools if gaps is not None else ():
             tool.state.gap = gaps[tool.name]
+        if gaps is not None and self.interfaces is not None:
+            self.interfaces.set_gaps(gaps)
         if not self.is_pushed(ahead * dt):
             return self.rest()
         characteristic_rate = self.speed / self.height()
@@ -257,8 +298,8 @@ class FlowingBody:
         body = self.workpiece
         body.solution.x.array[:] = 0.0
         body.is_cold = True
-        if self.contact is not None:
-            self.contact.release()
+        for part in body.contacts:
+            part.release()
         return Flow(np.zeros_like(self.x), self.new_history(), 0)
 
     @property
@@ -272,13 +313,19 @@ class FlowingBody:
         powers = {"plastic": w.plastic_power(), "body force": w.body_force_power()}
         if self.contact is None:
             return powers | {"tools": 0.0, "friction": 0.0, "penalty": 0.0}
-        return powers | self.contact.powers(w.velocity)
+        return powers | self._contact_powers()
+
+    def _contact_powers(self) -> dict[str, float]:
+        """Powers of all contacts, mW: given by tools, friction, penalty."""
+        powers, velocity = self.contact.powers(self.workpiece.velocity), self.workpiece.velocity
+        between = self.interfaces.powers(velocity) if self.interfaces is not None else {}
+        return powers | {name: powers[name] + power for name, power in between.items()}
 
     def landing_share(self) -> float:
         """Power taken by landing points and by the penalty, relative to that of the tools; 0 at rest."""
         if self.contact is None or self.workpiece.is_cold:
             return 0.0
-        powers = self.contact.powers(self.workpiece.velocity)
+        powers = self._contact_powers()
         return abs(powers["penalty"]) / powers["tools"] if powers["tools"] > 0 else 0.0
 
     def velocity_gradient(self) -> np.ndarray:
@@ -295,9 +342,10 @@ class FlowingBody:
 
     def snapshot(self) -> tuple:
         """Everything that a failed step must give back."""
-        tools = [(t.motion, [a.copy() for a in vars(t.state).values()]) for t in self.tools]
+        motions = [t.motion for t in self.tools]
+        states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
-        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, tools
+        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states
 
     def continues(self, other: FlowingBody) -> None:
         """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
@@ -307,14 +355,21 @@ class FlowingBody:
             self.contact.reference = other.contact.reference
 
     def restore(self, snapshot: tuple) -> None:
-        x, solution, tau, cold, last_rate, tools = snapshot
+        x, solution, tau, cold, last_rate, motions, states = snapshot
         w = self.workpiece
         self.x[:] = x
         w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
-        for tool, (motion, arrays) in zip(self.tools, tools, strict=True):
+        for tool, motion in zip(self.tools, motions, strict=True):
             tool.motion = motion
-            for name, value in zip(vars(tool.state), arrays, strict=True):
-                setattr(tool.state, name, value.copy())
+        for state, arrays in zip(self._states, states, strict=True):
+            for name, value in zip(vars(state), arrays, strict=True):
+                setattr(state, name, value.copy())
+
+    @property
+    def _states(self) -> list:
+        """The states of all contact points, of tools and of pairs of bodies."""
+        between = [] if self.interfaces is None else [contact.state for contact in self.interfaces.contacts]
+        return [tool.state for tool in self.tools] + between
 
 
 def motion_of(drive, time: float, dim: int) -> ToolMotion:

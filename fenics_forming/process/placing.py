@@ -23,19 +23,24 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     """The workpiece of the scene on ``mesh``, between ``tools``, held on its mirror planes."""
     nodes, kinematics = Nodes(mesh), KINDS[scene.geometry]
     fixed, candidates = _boundary(nodes, mirrors, scene.axes)
-    settings = NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
+    settings = settings_of(scene)
     contact = RigidContact(ContactFacets(nodes, kinematics, candidates), tools,
                            slip_regularisation=settings.slip_regularisation)
     material = scene.materials[scene.workpiece.material]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
                           flow_stress=material.flow_stress)
-    return FlowingBody(workpiece, boundary=_nodes_of(nodes, candidates), height_axis=_height_axis(scene),
+    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
                        free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
                        temperature=scene.workpiece.temperature, damage=material.damage)
 
 
-def _nodes_of(nodes: Nodes, facets: np.ndarray) -> np.ndarray:
+def settings_of(scene: Scene) -> NewtonSettings:
+    """The numerical parameters of the scene."""
+    return NewtonSettings(**{name: getattr(scene.solver, name) for name in type(scene.solver).model_fields})
+
+
+def nodes_of(nodes: Nodes, facets: np.ndarray) -> np.ndarray:
     """All nodes of this rank on the facets of any rank: where one moves, its copies move along. Collective."""
     mark = np.zeros(nodes.count)
     mark[facet_nodes(nodes, facets)] = 1.0
@@ -63,7 +68,7 @@ def _boundary(nodes: Nodes, mirrors: dict[int, float], axes) -> tuple[list[Fixed
     return [FixedVelocity(f, axis) for axis, f in on_plane], np.setdiff1d(exterior_facets(nodes.mesh), taken)
 
 
-def _height_axis(scene: Scene) -> int:
+def height_axis(scene: Scene) -> int:
     """The axis along which the tool that counts works."""
     tool = scene.counting_tool
     direction = scene.tools[tool].drive.direction if tool is not None else None

@@ -35,6 +35,7 @@ class Checkpoint:
     scalars : what was given as such (anything that JSON can hold)
     nodal, cellwise : arrays by name, rows in the order of the mesh as it was given, or local to a `Nodes`
     facetwise : arrays by name as `gather_facets` makes them, never local
+    between : the same for every pair of bodies that may touch
     positions : (nodes, dim) mm, where the nodes lay; rows as in ``nodal``
     cells : (cells, nodes per cell) rows of the nodes, basix order, in the order of the mesh as it was given
     """
@@ -45,6 +46,7 @@ class Checkpoint:
     cells: np.ndarray = field(repr=False)
     cellwise: dict[str, np.ndarray] = field(default_factory=dict)
     facetwise: dict[str, np.ndarray] = field(default_factory=dict)
+    between: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def mesh(self, comm):
         """The mesh as it was, order 2, distributed over the ranks of ``comm``. Collective.
@@ -74,6 +76,7 @@ def save_checkpoint(
     cellwise: dict[str, np.ndarray] | None = None,
     facetwise: dict[str, np.ndarray] | None = None,
     facets: ContactFacets | None = None,
+    between: dict[str, tuple] | None = None,
 ) -> None:
     """Write the state of one body; an interrupted write leaves the checkpoint before it. Collective.
 
@@ -84,6 +87,7 @@ def save_checkpoint(
     nodal : values at the nodes, (count, …)
     cellwise : values per owned cell, (cells, …)
     facetwise : values at the points of the contact ``facets``, (points, k)
+    between : pair of bodies → points on the surface of one of them, and values there by name, (points, k)
     """
     path = Path(path)
     arrays = {"cells": gather_cells(nodes), "positions": gather_nodal(nodes, nodes.x)}
@@ -94,6 +98,9 @@ def save_checkpoint(
     if facets is not None:
         gathered = gather_facets(nodes, facets, facetwise or {}) or {}
         arrays |= {f"facetwise.{name}": values for name, values in gathered.items()}
+    for pair, (points, values) in (between or {}).items():
+        gathered = gather_facets(nodes, points, values) or {}
+        arrays |= {f"between.{pair}.{name}": array for name, array in gathered.items()}
     words = json.dumps(scalars, default=_plain)
 
     def write():
@@ -127,6 +134,7 @@ def load_checkpoint(path: Path | str, nodes: Nodes | None = None) -> Checkpoint:
         nodal={name: scatter_nodal(nodes, values) for name, values in loaded.nodal.items()},
         cellwise={name: scatter_cell_values(nodes, values) for name, values in loaded.cellwise.items()},
         facetwise=loaded.facetwise,
+        between=loaded.between,
     )
 
 
@@ -153,6 +161,7 @@ def _read(path):
                 cells=file["cells"],
                 cellwise=_named(file, "cellwise"),
                 facetwise=_named(file, "facetwise"),
+                between=_by_pair(_named(file, "between")),
             )
     except Exception as error:  # zipfile, zlib, numpy and json each have their own
         raise ResultsError(f"the checkpoint '{path}' is damaged or is not one: {error}") from error
@@ -160,6 +169,14 @@ def _read(path):
 
 def _named(file, kind):
     return {key.split(".", 1)[1]: file[key] for key in file.files if key.startswith(kind + ".")}
+
+
+def _by_pair(arrays):
+    pairs: dict[str, dict[str, np.ndarray]] = {}
+    for key, array in arrays.items():
+        pair, name = key.split(".", 1)
+        pairs.setdefault(pair, {})[name] = array
+    return pairs
 
 
 def _plain(value):

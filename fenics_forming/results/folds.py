@@ -21,7 +21,7 @@ class FoldRecord:
     def __init__(self):
         self.folds: list[dict] = []
         self._now: list[np.ndarray] = []        # where each was found last
-        self._finder: FoldFinder | None = None
+        self._finders: list[FoldFinder] = []
         self._looked, self._told = 0, 0
 
     def look(self, body, step: int, *, now: bool = False) -> None:
@@ -29,11 +29,13 @@ class FoldRecord:
         if step == self._looked or not (now or step % EVERY == 0):
             return
         self._looked = step
-        if self._finder is None or self._finder.free is not body.free_surface:
-            self._finder = FoldFinder(body.free_surface, body.nodes.cells)
-        found = self._finder.find(body.x)
-        for place, depth in zip(found.places, found.depths, strict=True):
-            self._add(step, place, float(depth), SAME * body.size)
+        of_bodies = body.skins()
+        if [finder.free for finder in self._finders] != [free for free, _ in of_bodies]:
+            self._finders = [FoldFinder(free, cells) for free, cells in of_bodies]
+        for finder in self._finders:
+            found = finder.find(body.x)
+            for place, depth in zip(found.places, found.depths, strict=True):
+                self._add(step, place, float(depth), SAME * body.size)
 
     def _add(self, step: int, place: np.ndarray, depth: float, near: float) -> None:
         away = [float(np.linalg.norm(place - other)) for other in self._now]

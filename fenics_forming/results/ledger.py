@@ -45,6 +45,10 @@ class VolumeLedger:
         self.worst = max(self.worst, abs(self.last))
         return self.last
 
+    def errors(self, volumes: dict[str, float]) -> dict[str, float]:
+        """The same of the one body in ``volumes``, by name."""
+        return {name: self.error(volume) for name, volume in volumes.items()}
+
     def doubts(self, remedy: str) -> list[str]:
         """A sentence where the volume has drifted too far."""
         if self.restored and abs(self.last) > MOST_LEFT:
@@ -60,6 +64,40 @@ class VolumeLedger:
     def by(self) -> dict[str, float]:
         """Relative change of volume by cause; their sum is the whole."""
         return {"integration": self.last - sum(self.booked.values()), **self.booked}
+
+
+class VolumeLedgers:
+    """Volumes of several bodies, by name, each against that of its start."""
+
+    restored = False
+
+    def __init__(self, starts: dict[str, float]):
+        self._ledgers = {name: VolumeLedger(start) for name, start in starts.items()}
+
+    def book(self, changes: dict[str, dict[str, float]]) -> None:
+        """Add changes of volume, mm³, by body and cause."""
+        for name, of_body in changes.items():
+            self._ledgers[name].book(of_body)
+
+    def memory(self) -> dict:
+        """What a run that is resumed must know."""
+        return {name: ledger.memory() for name, ledger in self._ledgers.items()}
+
+    def remember(self, memory: dict) -> None:
+        """Take over what :meth:`memory` gave."""
+        for name, ledger in self._ledgers.items():
+            ledger.remember(memory[name])
+
+    def errors(self, volumes: dict[str, float]) -> dict[str, float]:
+        """Relative changes of volume since the start, by body."""
+        return {name: ledger.error(volumes[name]) for name, ledger in self._ledgers.items()}
+
+    def doubts(self, remedy: str) -> list[str]:
+        """A sentence for every body whose volume has drifted too far."""
+        return [f"'{name}': {doubt}" for name, ledger in self._ledgers.items() for doubt in ledger.doubts(remedy)]
+
+    def summary(self) -> dict:
+        return {name: ledger.summary() for name, ledger in self._ledgers.items()}
 
 
 class DamageLedger:

@@ -9,13 +9,12 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from ..physics.parallel import highest
+from .bodies import BodyRecord
 from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
 from .history import History
-from .ledger import DamageLedger
 from .results import Results
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
@@ -38,8 +37,7 @@ class Recorder:
         self.row: dict[str, float] = {}
         self.summary: dict = {}
         self.volume, self.power = simulation.volume_ledger, simulation.power_ledger
-        damage = self.scene.materials[self.scene.workpiece.material].damage
-        self.damage = None if damage is None else DamageLedger(damage.critical)
+        self.bodies = BodyRecord(simulation)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
         self.fields = self.lines = None
@@ -52,8 +50,8 @@ class Recorder:
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
             self.history.truncate_after(resume_after)
-            for row in self.history.rows if self.damage is not None else ():
-                self.damage.news(int(row["step"]), row["max_damage"])
+            for row in self.history.rows:
+                self.bodies.damage_news(row)
         else:
             self.history = History(history, self.comm)
         self._began, self._cpu = perf_counter(), process_time()     # the run itself: writers and their imports stand
@@ -95,8 +93,7 @@ class Recorder:
 
     def news(self) -> list[str]:
         """What a user wants to hear of the last step, one sentence each."""
-        damage = [] if self.damage is None else self.damage.news(int(self.row["step"]), self.row["max_damage"])
-        return damage + self.run.folds.news()
+        return self.bodies.damage_news(self.row) + self.run.folds.news()
 
     def _look_for_folds(self, step: int, *, now: bool = False) -> None:
         start = perf_counter()
@@ -105,7 +102,7 @@ class Recorder:
 
     def _row(self, state, wall: float) -> dict[str, float]:
         run, scene, body = self.run, self.scene, self.run.body
-        name, unit = scene.workpiece_name, "N_per_mm" if scene.geometry == "plane_strain" else "N"
+        unit = "N_per_mm" if scene.geometry == "plane_strain" else "N"
         row: dict[str, float] = {"step": state.step, "time_s": state.time, "dt_s": state.dt}
         for tool in scene.driven_tools:
             row[f"stroke_{tool}_mm"] = float(scene.tools[tool].drive.travel(state.time))
@@ -113,14 +110,10 @@ class Recorder:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:
             if tool.motion.centre is not None:
-                row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self._copies(None)
-        copies = self._copies(None)
-        volume = body.workpiece.volume()
-        row[f"volume_{name}_mm3"] = volume * copies
-        row[f"volume_error_{name}"] = self.volume.error(volume)
+                row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self.bodies.copies()
+        row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
-        for gathered, values in state.history.items():
-            row[f"max_{gathered}"] = self._maximum(values)
+        row |= self.bodies.maxima(state.history)
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
         if run.points is not None:
@@ -135,15 +128,15 @@ class Recorder:
         row = {}
         for label, (values,) in run.points.values(nodal).items():
             row |= {f"{label}_{column}": float(value) for column, value in zip(columns, values, strict=True)}
-            if scene.workpiece.temperature is not None:
-                row[f"{label}_temperature_degC"] = scene.workpiece.temperature
+            if (temperature := self.bodies.temperature_of(label)) is not None:
+                row[f"{label}_temperature_degC"] = temperature
         return row
 
     def force(self, name: str) -> float:
         """Force with which a tool pushes on the whole body now, positive along its working direction, N (N/mm)."""
         tool = next(tool for tool in self.run.body.tools if tool.name == name)
         direction = self._working_direction(tool)
-        return float(self.run.body.contact.force(tool) @ direction) * self._copies(direction)
+        return float(self.run.body.contact.force(tool) @ direction) * self.bodies.copies(direction)
 
     def _working_direction(self, tool) -> np.ndarray:
         """Direction in which a tool pushes: that of its drive; at rest, or only turning, towards the body."""
@@ -155,17 +148,6 @@ class Recorder:
         axis = int(np.argmax(np.abs(normal[0])))
         return np.sign(normal[0, axis]) * np.eye(len(low))[axis]
 
-    def _copies(self, direction) -> int:
-        """Parts of the whole body that the mesh stands for; with a direction, those on which the same tool pushes.
-
-        A mirror plane across the direction of the force has another tool on its far side.
-        """
-        axes = [self.scene.axes.index(a) for a in self.scene.workpiece.symmetry]
-        return 2 ** sum(direction is None or abs(direction[a]) < 0.5 for a in axes)
-
-    def _maximum(self, nodal) -> float:
-        return highest(self.comm, float(nodal.max(initial=-np.inf)))
-
     def _frame(self, state) -> None:
         if state.step == self._last_frame:
             return
@@ -176,11 +158,12 @@ class Recorder:
         strain = state.history["effective_strain"]
         data = {"velocity_mm_per_s": w.velocity, **state.history,
                 "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
-                "flow_stress_MPa": np.broadcast_to(w.law(strain, rate, temperature), strain.shape),
+                "flow_stress_MPa": np.broadcast_to(w.nodal_law(strain, rate, temperature), strain.shape),
                 "contact_pressure_MPa": run.body.contact.nodal_pressure()}
         if temperature is not None:
             data["temperature_degC"] = temperature
-        self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data)
+        self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data,
+                          cell_data=self.bodies.cell_data())
         if self.lines is not None:
             self.lines.write(step=state.step, time=state.time, places=run.lines.places,
                              fields={name: run.lines.values(values) for name, values in state.history.items()})
@@ -216,7 +199,6 @@ class Recorder:
 
     def _summary(self, why: str) -> dict:
         run, body, scene = self.run, self.run.body, self.scene
-        low, high = run.nodes.extents()
         wall = perf_counter() - self._began
         renewed, remeshing = ([], {}) if run.keeper is None else (run.keeper.records, run.keeper.seconds)
         parts = {**body.solver.seconds, **body.seconds, **self.seconds, **remeshing}
@@ -226,10 +208,9 @@ class Recorder:
             "title": scene.title, "stopped": why, "versions": versions(), "ranks": self.comm.size,
             "cells": self._cells(), "dofs": self._dofs(),
             "parts_built": self._parts(),
-            "extents_mm": {scene.workpiece_name: {a: [float(lo), float(hi)] for a, lo, hi in
-                                                  zip(scene.axes, low, high, strict=True)}},
+            "extents_mm": self.bodies.extents(),
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
-            ({"damage": self.damage.summary()} if self.damage is not None else {}),
+            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),
@@ -243,9 +224,8 @@ class Recorder:
     def _parts(self) -> list[str]:
         w = self.run.body.workpiece
         friction = [f"friction {t.name}: {t.friction.law}" for t in self.run.body.tools if t.has_friction]
-        law = self.scene.materials[self.scene.workpiece.material].damage
-        damage = [] if law is None else [f"damage {law.law}"]
-        return [f"term {name}" for name in w.terms] + friction + damage + [f"scheme {self.run.scheme.name}"]
+        terms = [f"term {name}" for name in w.terms]
+        return terms + friction + self.bodies.parts_built() + [f"scheme {self.run.scheme.name}"]
 
     def _cells(self) -> int:
         topology = self.run.nodes.mesh.topology

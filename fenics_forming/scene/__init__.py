@@ -1,6 +1,7 @@
 """What the user writes: frozen, comparable, printable, the same from Python and from TOML. Knows no mesh."""
 
 from .checks import check
+from .contacts import Contact
 from .description import AXES, FlowLine, Material, Output, Scene, Solver, Tool, TrackedPoint, Workpiece
 from .meshes import BoxDomain, CylinderDomain, NearSurface, NearTool, Remesh, SphereDomain
 from .process import SCHEMES, Adaptive, Process, Shifting, Steps, Stop
@@ -17,6 +18,7 @@ __all__ = [
     "BoxDomain",
     "Circle",
     "CircleTool",
+    "Contact",
     "Cylinder",
     "CylinderDomain",
     "CylinderTool",

@@ -4,6 +4,7 @@ import math
 
 from ..errors import SceneError
 from ..laws.described import unknown_word
+from .contacts import contact_problems, pair_problems, pair_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 
@@ -22,19 +23,18 @@ def check(scene):
     ------
     SceneError with one line (and one entry in `problems`) for everything that cannot be run.
     """
-    problems = [*_name_problems(scene), *_dimension_problems(scene), *_file_problems(scene)]
+    problems = [*_name_problems(scene), *contact_problems(scene), *_dimension_problems(scene), *_file_problems(scene)]
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene)]
-        problems += placement_problems(scene)
+        problems += [*placement_problems(scene), *pair_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
-    return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene)]
+    return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene)]
 
 
 def _name_problems(scene):
-    if len(scene.workpieces) != 1:
-        count = len(scene.workpieces) or "no"
-        yield SceneError(f"{count} workpieces are given; a run needs exactly one", key="workpieces", allowed=1)
+    if not scene.workpieces:
+        yield SceneError("no workpieces are given; a run needs one at least", key="workpieces", allowed="one or more")
     for name, body in scene.workpieces.items():
         if body.material not in scene.materials:
             yield _unknown_name(f"workpieces.{name}.material", body.material, "material", scene.materials)

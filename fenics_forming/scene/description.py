@@ -28,6 +28,7 @@ from ..units import (
     kind_of,
     refused,
 )
+from .contacts import Contacts
 from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
 from .process import CountFromOne, Process, Shifting, Steps, Stop
@@ -183,17 +184,18 @@ class Scene(Described):
     Parameters
     ----------
     title : any text. geometry : "plane_strain" (x, y; forces per mm), "axisymmetric" (r, z; forces of the full
-    turn) or "3d". materials, workpieces, tools, points, flow_lines : tables by name. process, steps, stop, output,
-    solver.
+    turn) or "3d". materials, workpieces, tools, points, flow_lines : tables by name. contacts : list of contacts between
+    bodies. process, steps, stop, output, solver.
     """
 
     title: str = ""
     geometry: Literal["plane_strain", "axisymmetric", "3d"] = Field(description="one of plane_strain, axisymmetric, 3d")
     materials: named(Material) = Field(description="one table [materials.NAME] for each material")
-    workpieces: named(Workpiece) = Field(description="one table [workpieces.NAME]")
+    workpieces: named(Workpiece) = Field(description="one table [workpieces.NAME] for each body that is formed")
     tools: named(Tool) = Field(description="one table [tools.NAME] for each tool")
     points: named(TrackedPoint) = Field(default_factory=Named)
     flow_lines: named(FlowLine) = Field(default_factory=Named)
+    contacts: Contacts = ()
     process: Process = Process()
     steps: Steps = Field(description="a table with 'stroke' or 'time', the size of a step")
     stop: Stop = Field(description="a table with one of stroke, time, force, height")
@@ -250,13 +252,22 @@ class Scene(Described):
 
     @property
     def workpiece(self):
-        """The one workpiece."""
+        """The one workpiece, or the first of several."""
         return next(iter(self.workpieces.values()))
 
     @property
     def workpiece_name(self):
         """Its name."""
         return next(iter(self.workpieces))
+
+    @property
+    def is_assembled(self):
+        """Whether there are several workpieces."""
+        return len(self.workpieces) > 1
+
+    def alone(self, name):
+        """The scene with one of its workpieces only, to do with that what is done with a single one."""
+        return self.model_copy(update={"workpieces": Named({name: self.workpieces[name]}), "contacts": ()})
 
     @property
     def driven_tools(self):

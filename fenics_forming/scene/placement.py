@@ -30,17 +30,22 @@ def placement_problems(scene):
 
 def placement_warnings(scene):
     """Sentences about what lies where it is probably not meant to."""
-    for body in scene.workpieces.values():
-        if body.shape.file is not None:
-            continue
-        extent = np.ptp(body.shape.bounds(), axis=0)
-        samples = body.shape.boundary_points(extent.max() / 400)
+    shapes = [body.shape for body in scene.workpieces.values()]
+    if all(shape.file is None for shape in shapes):
+        extent = np.ptp(_bounds_together(shapes), axis=0).max()
+        samples = np.concatenate([shape.boundary_points(extent / 400) for shape in shapes])
         for tool_name in scene.driven_tools:
             shape = scene.tools[tool_name].shape
-            if shape.file is None and (gap := float(-shape.depth(samples).max())) > extent.max():
+            if shape.file is None and (gap := float(-shape.depth(samples).max())) > extent:
                 yield f"tools.{tool_name}.shape: starts {gap:.3g} mm away from the body, more than the body is large"
     if len(scene.tools) == 1:
         yield from _unopposed(scene)
+
+
+def _bounds_together(shapes):
+    """Lowest and highest coordinates of several shapes, (2, dim)."""
+    bounds = np.array([shape.bounds() for shape in shapes])
+    return np.array([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
 
 
 def _mirror_problems(scene, key, body, size):
@@ -108,7 +113,8 @@ def _stop_problems(scene, body, size):
     drive = scene.tools[name].drive if name is not None else None
     if drive is None or drive.direction is None:
         return
-    height = float(np.ptp(body.shape.boundary_points(size / 100) @ drive.direction))
+    shapes = [b.shape for b in scene.workpieces.values() if b.shape.file is None]
+    height = float(np.ptp(np.concatenate([s.boundary_points(size / 100) for s in shapes]) @ drive.direction))
     if scene.stop.height is not None and scene.stop.height >= height * (1 - 1e-9):
         sentence = f"{scene.stop.height:g} mm is not below the height at the start, {height:g} mm"
         yield SceneError(sentence, key="stop.height", got=scene.stop.height, allowed=f"below {height:g}")
@@ -160,8 +166,8 @@ def _unopposed(scene):
     direction = tool.drive.direction if tool.drive is not None else None
     if direction is None:
         return
-    for body_name, body in scene.workpieces.items():
-        number = int(np.argmax(np.abs(direction)))
-        hollow = getattr(tool.shape, "hollow", False) or hasattr(tool.shape, "points")
-        if scene.axes[number] not in body.symmetry and not hollow:
-            yield f"workpieces.{body_name}: nothing opposes the tool '{name}'; add a tool or a mirror plane"
+    number = int(np.argmax(np.abs(direction)))
+    hollow = getattr(tool.shape, "hollow", False) or hasattr(tool.shape, "points")
+    mirrored = {axis for body in scene.workpieces.values() for axis in body.symmetry}
+    if scene.axes[number] not in mirrored and not hollow:
+        yield f"workpieces.{scene.workpiece_name}: nothing opposes the tool '{name}'; add a tool or a mirror plane"

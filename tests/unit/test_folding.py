@@ -120,6 +120,9 @@ class Lying:
     def __init__(self, nodes, free):
         self.nodes, self.free_surface, self.x, self.size = nodes, free, nodes.x, 4.0
 
+    def skins(self):
+        return [(self.free_surface, self.nodes.cells)]
+
 
 def test_record_tells_a_fold_once_and_keeps_its_greatest_depth():
     nodes, free = slotted(2, 0.3)

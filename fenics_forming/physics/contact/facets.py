@@ -148,13 +148,17 @@ class ContactFacets:
         -------
         (facets, dim) rows of the vertices, rising; (facets, points per facet) the local number of every point
         """
-        corners = rows[self.facet_nodes[:, : self.dim]]
-        order = np.argsort(corners, axis=1)
-        hats = self.hats
-        seen = {way: [int(np.argmin(((hats[:, way] - place) ** 2).sum(axis=1))) for place in hats]
-                for way in permutations(range(self.dim))}
-        points = np.array([seen[tuple(way)] for way in order.tolist()], dtype=int).reshape(-1, len(hats))
-        return np.take_along_axis(corners, order, axis=1), points
+        return seen_from_vertices(rows[self.facet_nodes[:, : self.dim]], self.hats)
+
+
+def seen_from_vertices(corners: np.ndarray, hats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points of facets with numbered vertices ``corners`` (f, dim) as seen from these in rising order: those numbers,
+    rising, and the local number of every point, (f, points); ``hats`` (points, dim) are the points' coordinates."""
+    order = np.argsort(corners, axis=1)
+    seen = {way: [int(np.argmin(((hats[:, way] - place) ** 2).sum(axis=1))) for place in hats]
+            for way in permutations(range(hats.shape[1]))}
+    points = np.array([seen[tuple(way)] for way in order.tolist()], dtype=int).reshape(-1, len(hats))
+    return np.take_along_axis(corners, order, axis=1), points
 
 
 def _tags(mesh, dim: int, facets: np.ndarray):

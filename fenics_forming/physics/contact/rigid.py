@@ -180,6 +180,11 @@ class RigidContact:
         """C follows the viscosity: in proportion to the mean flow stress, MPa, over the speed of the tools."""
         self.coefficient = self.reference * flow_stress / self._speed
 
+    @property
+    def speed(self) -> float:
+        """Of the tools, mm/s."""
+        return self._speed
+
     def set_speed(self, speed: float) -> None:
         """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to."""
         self._speed = max(speed, 1e-30)
