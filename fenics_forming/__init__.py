@@ -20,6 +20,9 @@ _HOMES = {
     "plot_force_stroke": "results.plotting", "plot_fields": "results.plotting",
     "solve_flow": "physics.flow", "FixedVelocity": "physics.flow", "FlowField": "physics.flow",
     "NewtonSettings": "physics.settings",
+    **dict.fromkeys(("solve_tool", "ToolField", "ToolSettings", "FixedDisplacement", "FixedPoint", "Springs",
+                     "PointSprings", "Pressure", "Traction", "BodyForce", "Centrifugal", "NodalForces"),
+                    "physics.tool_body"),
     "laws": "laws", "scene": "scene", "meshing": "physics.meshing", "kinematics": "physics.kinematics",
 }
 _MODULES = {"laws", "scene", "meshing", "kinematics"}

@@ -2,6 +2,7 @@
 
 from .damage import CockcroftLatham, Damage, DamageLaw
 from .described import Described, one_of
+from .elasticity import Elasticity
 from .equipment import Drive, DriveLaw, RotationDrive, SpeedDrive, Spin, TableDrive
 from .flow_stress import (
     RATE_FLOOR,
@@ -50,6 +51,7 @@ __all__ = [
     "Described",
     "Drive",
     "DriveLaw",
+    "Elasticity",
     "FlowStress",
     "FlowStressLaw",
     "Friction",

@@ -53,9 +53,10 @@ class DirectSolver:
                 break
             self._workspace *= 2
             self._build()
-        raise ConvergenceError(f"MUMPS could not factorise the system (INFOG(1) = {info}, "
-                               f"INFOG(2) = {self._factor.getMumpsInfog(2)}): the body may be free to move as a whole, "
-                               "or a cell is inverted")
+        second = self._factor.getMumpsInfog(2)
+        self._build()       # PETSc would not factorise anew with one that has failed, whatever the values
+        raise ConvergenceError(f"MUMPS could not factorise the system (INFOG(1) = {info}, INFOG(2) = {second}): "
+                               "the body may be free to move as a whole, or a cell is inverted")
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         self._ksp.solve(b, x)

@@ -107,14 +107,17 @@ class ContactFacets:
 
     def weights(self) -> np.ndarray:
         """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""
-        x = self._nodes.x[self.facet_nodes]
-        tangents = np.einsum("kqa,fad->kfqd", self._gradient, x)
-        if self.dim == 2:
-            jacobian = np.linalg.norm(tangents[0], axis=-1)
-        else:
-            jacobian = np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1)
+        jacobian = np.linalg.norm(self.area_vectors(), axis=-1)
         surface = (jacobian * self._reference_weights).ravel()
         return surface * self._kinematics.weight_at(self.trace(self._nodes.x))
+
+    def area_vectors(self) -> np.ndarray:
+        """Vectors across the facets at their points, as long as the surface is stretched there, (facets, points per
+        facet, dim); of either sense."""
+        tangents = np.einsum("kqa,fad->kfqd", self._gradient, self._nodes.x[self.facet_nodes])
+        if self.dim == 2:
+            return np.stack([tangents[0][..., 1], -tangents[0][..., 0]], axis=-1)
+        return np.cross(tangents[0], tangents[1])
 
     def to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Hat-weighted mean at the vertices of values at the points, (points,) → (nodes,); 0 off the contact."""

@@ -1,0 +1,278 @@
+r"""The elastic-plastic tool: Newton's iteration with the consistent tangent, load steps that are cut where it fails.
+
+The first increment of a step uses the elastic factorisation, which is there already: it is right when the tool unloads,
+and the tangent that follows is that of points which flow in this step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from ...errors import ConvergenceError
+from ..linear import DirectSolver
+from ..parallel import total
+from .body import DEGREE, ToolBody
+from .elastic import ElasticFactor, constrained_matrix, set_held_rows
+
+RUNAWAY = 1e6      # an imbalance as many times the usual forces comes from displacements that only grow
+
+
+@dataclass(frozen=True)
+class ToolSettings:
+    """Numerical parameters of an elastic-plastic solve.
+
+    Attributes
+    ----------
+    steps : load steps in which loads are brought on, where the tool yields at all
+    tolerance : norm of the nodal forces that do not balance, relative to the largest forces of the history
+    max_iterations : a step that needs more is cut
+    smallest_step : part of the load below which steps are no longer cut: the tool cannot carry more
+    """
+
+    steps: int = 10
+    tolerance: float = 1e-9
+    max_iterations: int = 20
+    smallest_step: float = 1e-3
+
+
+@dataclass(frozen=True)
+class PlasticState:
+    """The state at the points: stress, strain, plastic strain (p, c), and effective plastic strain (p,)."""
+
+    stress: np.ndarray
+    strain: np.ndarray
+    plastic_strain: np.ndarray
+    effective: np.ndarray
+
+
+class PlasticSolver:
+    """Solve an elastic-plastic tool for one set of loads after the other; its state is that of the last accepted step.
+
+    Attributes
+    ----------
+    plastic : `PlasticState` · force : nodal forces of the loads that are carried now
+    reached : part of the way from the loads before to those of the last solve
+    external_work, plastic_work : mJ, since the start
+    """
+
+    def __init__(self, body: ToolBody, settings: ToolSettings = ToolSettings()):
+        self.body, self.settings, self.factor = body, settings, ElasticFactor(body)
+        self.seconds = {"elastic solve": 0.0, "points": 0.0, "assembly": 0.0, "tangent solve": 0.0}
+        mesh, k = body.nodes.mesh, len(body.state.held)
+        self._upper = np.triu_indices(k)
+        element = lambda size: basix.ufl.quadrature_element(  # noqa: E731
+            mesh.basix_cell().name, value_shape=(size,), degree=DEGREE)
+        self._stress = fem.Function(fem.functionspace(mesh, element(k)), name="stress")
+        self._tangent = fem.Function(fem.functionspace(mesh, element(len(self._upper[0]))), name="tangent")
+        du, w = ufl.TrialFunction(body.space), ufl.TestFunction(body.space)
+        self._internal = fem.form(sum(body.plastic_terms(self._stress, w).values()))
+        self._tangent_form = fem.form(sum(body.plastic_tangents(self._tangent, du, w).values()))
+        self._matrix: PETSc.Mat | None = None
+        self._direct: DirectSolver | None = None
+        self._increment = fem.Function(body.space)
+        points, c = len(body.volumes), body.state.components
+        self.plastic = PlasticState(*(np.zeros((points, c)) for _ in range(3)), np.zeros(points))
+        self._trial = self.plastic
+        self.force = body.new_vector()
+        self.external_work = self.plastic_work = 0.0
+        self.reached, self._held, self._largest_force = 1.0, 0.0, 0.0
+        self._forces = self.force.copy()
+        self._balanced = self._forces           # internal forces of the accepted state
+        self._accepted = body.displacement.x.array.copy()
+
+    # ------------------------------------------------------------------ loading
+    def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
+        """Go from the present loads to these, in one step where the tool stays elastic; the number of iterations.
+
+        Parameters
+        ----------
+        held : the part of their values that the held displacements go to · steps : see `ToolSettings`
+
+        Raises
+        ------
+        ConvergenceError
+            where no further load can be brought on; the tool is left with what it carries (``reached``).
+        """
+        start, target = self.force.copy(), self.body.external_forces(loads)
+        held_start = self._held
+        whole = 1.0 / (self.settings.steps if steps is None else steps)
+        size, self.reached, spent, history = whole, 0.0, 0, []
+        if self._step_elastically(target, held):
+            self._accept(target)
+            self.reached = 1.0
+            return 1
+        while self.reached < 1.0:
+            part = min(1.0, self.reached + size)
+            part = 1.0 if part > 1 - 1e-9 else part
+            wanted = start.copy()
+            wanted.scale(1.0 - part)
+            wanted.axpy(part, target)
+            try:
+                iterations = self._equilibrate(wanted, held_start + part * (held - held_start))
+            except ConvergenceError as failure:
+                history.append(failure.sentence)
+                self._take_back()
+                size *= 0.5
+                if size < self.settings.smallest_step:
+                    raise self._collapse(history) from failure
+                continue
+            spent += iterations
+            self._accept(wanted)
+            self.reached = part
+            size = min(whole, 2 * size)
+        return spent
+
+    def _collapse(self, history) -> ConvergenceError:
+        return ConvergenceError(f"the tool carries {100 * self.reached:.1f} % of the step to its new loads, no more",
+                                history=history, advice="it yields as a whole: try smaller loads, hardening, or a higher "
+                                                        "yield stress")
+
+    def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:
+        """The whole step with the elastic stiffness; whether no point flows in it, else everything is as before."""
+        self.body.set_held(held)
+        self._elastic_increment(target)
+        flowing = self._respond()
+        if not flowing and self._imbalance(target) <= self.settings.tolerance * self._usual_force(target):
+            return True
+        self._take_back()
+        return False
+
+    # ------------------------------------------------------------------ one step
+    def _equilibrate(self, target: PETSc.Vec, held: float) -> int:
+        """Newton iterations to the balance of the given nodal forces; their number."""
+        self.body.set_held(held)
+        self._elastic_increment(target)
+        usual = 0.0
+        for iteration in range(1, self.settings.max_iterations + 1):
+            flowing = self._respond()
+            imbalance = self._imbalance(target)
+            if iteration == 1:
+                usual = self._usual_force(target)
+            if not imbalance < RUNAWAY * usual:     # not a number, too
+                raise ConvergenceError(f"the displacements ran away in iteration {iteration}")
+            if imbalance <= self.settings.tolerance * usual:
+                return iteration
+            if flowing:
+                self._tangent_increment()
+            else:
+                self._elastic_increment(target)
+        raise ConvergenceError(f"after {self.settings.max_iterations} iterations the forces do not balance by "
+                               f"{imbalance / usual:.1e}")
+
+    def _elastic_increment(self, target: PETSc.Vec) -> None:
+        start = perf_counter()
+        load = target.copy()
+        load.axpy(-1.0, self._forces)
+        self.factor.solve(load, self._increment, since=self.body.displacement)
+        self.body.displacement.x.array[:] += self._increment.x.array
+        self.seconds["elastic solve"] += perf_counter() - start
+
+    def _tangent_increment(self) -> None:
+        start = perf_counter()
+        tangents = self._tangents[:, self._upper[0], self._upper[1]]
+        self._tangent.x.array[: tangents.size] = tangents.ravel()
+        self._matrix = constrained_matrix(self.body, self._tangent_form, self._matrix)
+        assembled = perf_counter()
+        if self._direct is None:
+            self._direct = DirectSolver(self._matrix)
+        self._direct.factorise()
+        self._direct.solve(self._out_of_balance, self._increment.x.petsc_vec)
+        self._increment.x.scatter_forward()
+        self.body.displacement.x.array[:] += self._increment.x.array
+        self.seconds["assembly"] += assembled - start
+        self.seconds["tangent solve"] += perf_counter() - assembled
+
+    def _respond(self) -> bool:
+        """Stresses and tangents at the points for the present displacement; whether any point flows. Collective."""
+        start = perf_counter()
+        body, before = self.body, self.plastic
+        strain = body.point_strain()
+        if body.state.is_plane_stress:
+            strain[:, 2] = before.strain[:, 2]
+        stress, plastic = np.empty_like(strain), before.plastic_strain.copy()
+        effective, flowing = before.effective.copy(), 0
+        self._tangents = np.empty((len(strain),) + 2 * (len(body.state.held),))
+        for law, cells in body.parts:
+            rows = body.points_of(cells)
+            own = strain[rows]
+            found = body.state.return_map(law, own, plastic[rows], effective[rows])
+            strain[rows], stress[rows], plastic[rows] = own, found.stress, found.plastic_strain
+            effective[rows] = found.effective
+            self._tangents[rows] = body.state.narrowed_tangent(found.tangent)
+            flowing += np.count_nonzero(found.yielding)
+        self._trial = PlasticState(stress, strain, plastic, effective)
+        self._write_stress(stress)
+        self.seconds["points"] += perf_counter() - start
+        return total(body.nodes.comm, float(flowing)) > 0
+
+    def _write_stress(self, stress: np.ndarray) -> None:
+        narrow = self.body.state.narrowed(stress)
+        self._stress.x.array[: narrow.size] = narrow.ravel()
+        self._forces = self.internal_forces()
+
+    def _imbalance(self, target: PETSc.Vec) -> float:
+        """Norm of the forces that do not balance, N."""
+        self._out_of_balance = target.copy()
+        self._out_of_balance.axpy(-1.0, self._forces)
+        set_held_rows(self.body, self._out_of_balance, self.body.displacement)
+        return self._out_of_balance.norm()
+
+    def _usual_force(self, target: PETSc.Vec) -> float:
+        """What an imbalance is small against: the largest forces of the history and of the start of this step, N.
+
+        Not those of later iterations: where a tool collapses they grow without bound, and would excuse any imbalance.
+        """
+        return max(self._largest_force, target.norm(), self._forces.norm())
+
+    # ------------------------------------------------------------------ accepting
+    def _accept(self, force: PETSc.Vec) -> None:
+        """The trial state becomes the state; works by the trapezoidal rule, which is exact for the elastic part."""
+        body, before, after = self.body, self.plastic, self._trial
+        mean = 0.5 * (before.stress + after.stress)
+        work = np.einsum("pi,pi->p", mean, after.plastic_strain - before.plastic_strain) @ body.volumes
+        self.plastic_work += float(total(body.nodes.comm, work))
+        self.external_work += self._work_done(force)
+        self.plastic, self.force, self._balanced, self._held = after, force, self._forces, body.held_part
+        self._accepted = body.displacement.x.array.copy()
+        self._largest_force = max(self._largest_force, force.norm(), self._forces.norm())
+
+    def _work_done(self, force: PETSc.Vec) -> float:
+        """Work of loads and of moved supports in the step, mJ."""
+        body = self.body
+        moved = body.displacement.x.petsc_vec.copy()
+        moved.array[:] -= self._accepted[: body.owned]
+        acting = []
+        for load, inside in ((self.force, self._balanced), (force, self._forces)):
+            both = load.copy()
+            own = body.fixed_dofs[body.fixed_dofs < body.owned]
+            both.array[own] = inside.array_r[own]      # load and reaction together
+            acting.append(both)
+        acting[0].axpy(1.0, acting[1])
+        return 0.5 * acting[0].dot(moved)
+
+    def _take_back(self) -> None:
+        """Back to the accepted state."""
+        self.body.displacement.x.array[:] = self._accepted
+        self._trial = self.plastic
+        self._write_stress(self.plastic.stress)
+
+    # ------------------------------------------------------------------ what the results ask
+    def point_stress(self) -> np.ndarray:
+        """Stresses at the points, (p, c), MPa."""
+        return self.plastic.stress
+
+    def internal_forces(self) -> PETSc.Vec:
+        """Nodal forces that the stresses and springs hold in balance, N."""
+        vector = self.body.new_vector()
+        fem_petsc.assemble_vector(vector, self._internal)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self.body.add_point_springs(vector)
+        return vector
