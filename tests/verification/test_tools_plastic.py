@@ -121,9 +121,9 @@ def test_bent_beam_springs_back_elastically():
 
 
 @pytest.mark.parametrize("law", ["linear", "table"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["plane_stress", "axisymmetric", "3d"])
 def test_bar_follows_its_yield_curve(law, kind):
-    """A block pulled along its last axis with free sides (in the plane: plane stress) is uniaxial, whatever its cells."""
+    """A block pulled along its last axis with free sides is uniaxial, whatever its cells (not in plane strain)."""
     law = LAWS[law]
     mesh = block(kind)
     last = mesh.topology.dim - 1
@@ -131,8 +131,6 @@ def test_bar_follows_its_yield_curve(law, kind):
     held = [FixedDisplacement(side(mesh, last, 0.0), last), FixedDisplacement(high, last, 1.0)]
     if kind != "axisymmetric":
         held += symmetric(mesh, *range(last))
-    if kind == "plane_strain":
-        pytest.skip("held across, it is not uniaxial")
     solver = PlasticSolver(ToolBody(Nodes(mesh), kinematics=kind, material=law, held=held))
     for strain in (5e-4, 2e-3, 8e-3):
         solver.solve(held=strain, steps=3)
@@ -323,5 +321,6 @@ def test_part_that_cannot_yield_stays_elastic_beside_one_that_does():
     # the layers want to widen differently (nu, and 1/2 where plastic) and shear each other near the interface
     strain = 10 * (300 / E + (300 - YIELD) / 5e3)
     assert tool.displacement[interface, 1].mean() == pytest.approx(-strain, rel=0.05)
-    assert tool.displacement[top, 1].mean() - tool.displacement[interface, 1].mean() == pytest.approx(-10 * 300 / E, rel=0.05)
+    shortening = tool.displacement[interface, 1].mean() - tool.displacement[top, 1].mean()
+    assert shortening == pytest.approx(10 * 300 / E, rel=0.05)
     assert tool.plastic_strain[top].max() == 0

@@ -103,7 +103,8 @@ class ContactFacets:
         values = nodal[self.facet_nodes]
         if nodal.ndim == 1:
             return (values @ self._shape.T).ravel()
-        return np.matmul(self._shape, values.reshape(*values.shape[:2], -1)).reshape((self.count, *nodal.shape[1:]))
+        columns = values.reshape(*values.shape[:2], int(np.prod(nodal.shape[1:])))     # also of a rank without facets
+        return np.matmul(self._shape, columns).reshape((self.count, *nodal.shape[1:]))
 
     def weights(self) -> np.ndarray:
         """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""

@@ -218,7 +218,7 @@ class ToolBody:
     def point_strain(self) -> np.ndarray:
         """Strains at the points, all components, (p, c); in plane stress the one across is not set."""
         values = self._strain.eval(self.nodes.mesh, self._cells)
-        return self.state.widened(values.reshape(len(self.volumes), -1))
+        return self.state.widened(values.reshape(len(self.volumes), len(self.state.held)))
 
     def elastic_stress(self) -> np.ndarray:
         """Stresses at the points of a body that is elastic throughout, (p, c), MPa."""

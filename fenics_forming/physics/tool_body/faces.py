@@ -51,7 +51,7 @@ class LoadedFace:
         to_cell = nodes.mesh.topology.connectivity(dim - 1, dim)
         cells = to_cell.array[to_cell.offsets[facet_of]]
         middle = nodes.x[nodes.mesh.geometry.dofmap[cells, : dim + 1]].mean(axis=1)
-        away = self.points.reshape(count, -1, dim) - middle[:, None]
+        away = self.points.reshape(normal.shape) - middle[:, None]
         sign = np.sign(np.einsum("fqi,fqi->f", normal, away))
         normal *= sign[:, None, None]
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)

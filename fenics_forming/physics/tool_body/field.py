@@ -130,5 +130,5 @@ def at_nodes(body: ToolBody, at_points: np.ndarray) -> np.ndarray:
     (nodes, k)."""
     hats = np.column_stack([1 - body.reference_points.sum(axis=1), body.reference_points])
     corners = np.einsum("vp,cpk->cvk", np.linalg.pinv(hats),
-                        at_points.reshape(len(body.nodes.cells), body.points_per_cell, -1))
+                        at_points.reshape(len(body.nodes.cells), body.points_per_cell, at_points.shape[1]))
     return body.nodes.vertex_mean(corners)
