@@ -72,6 +72,8 @@ class Simulation:
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
         self.start_volume = self._volume() if self._saved is None else self._saved.scalars["start_volume"]
+        self.start_extents = np.array(self.nodes.extents()).tolist() if self._saved is None else \
+            self._saved.scalars["start_extents"]
         self.volume_ledger = VolumeLedgers(self.start_volume) if scene.is_assembled else \
             VolumeLedger(self.start_volume, restored=scene.restores_volume)
         self.power_ledger = PowerLedger()
@@ -418,7 +420,8 @@ class Simulation:
             "step": state.step, "time": state.time, "dt": state.dt, "speed": self.body.speed,
             "mesh_size": self.mesh_size, "mirrors": _with_words(self.mirrors), "bodies": self.body.making(),
             "points": _listed(self.points), "flow_lines": _listed(self.lines),
-            "start_volume": self.start_volume, "volume_ledger": self.volume_ledger.memory(),
+            "start_volume": self.start_volume, "start_extents": self.start_extents,
+            "volume_ledger": self.volume_ledger.memory(),
             "power_ledger": self.power_ledger.memory(), "folds": self.folds.memory(),
             "at_rest": w.is_cold, "penalty": contact.reference,
             "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": self.choice.fraction,

@@ -342,7 +342,7 @@ class FlowingBody:
 
     def snapshot(self) -> tuple:
         """Everything that a failed step must give back."""
-        motions = [t.motion for t in self.tools]
+        motions = [(t.motion, t.traction) for t in self.tools]
         states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
         return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states
@@ -359,8 +359,8 @@ class FlowingBody:
         w = self.workpiece
         self.x[:] = x
         w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
-        for tool, motion in zip(self.tools, motions, strict=True):
-            tool.motion = motion
+        for tool, (motion, traction) in zip(self.tools, motions, strict=True):
+            tool.motion, tool.traction = motion, traction
         for state, arrays in zip(self._states, states, strict=True):
             for name, value in zip(vars(state), arrays, strict=True):
                 setattr(state, name, value.copy())

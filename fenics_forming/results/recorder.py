@@ -139,14 +139,20 @@ class Recorder:
         return float(self.run.body.contact.force(tool) @ direction) * self.bodies.copies(direction)
 
     def _working_direction(self, tool) -> np.ndarray:
-        """Direction in which a tool pushes: that of its drive; at rest, or only turning, towards the body."""
+        """Direction in which a tool pushes: that of its drive; at rest, or only turning, towards the body as it was at the
+        start. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant."""
         drive = self.scene.tools[tool.name].drive
         if drive is not None and drive.direction is not None:
             return np.asarray(drive.direction, float)
-        low, high = self.run.nodes.extents()
-        gap, normal = tool.gap(np.array([0.5 * (low + high)]))
-        axis = int(np.argmax(np.abs(normal[0])))
-        return np.sign(normal[0, axis]) * np.eye(len(low))[axis]
+        low, high = np.array(self.run.start_extents)
+        normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
+        axis = int(np.argmax(np.abs(normal)))
+        if self.scene.geometry == "axisymmetric":
+            main = self.scene.counting_tool and self.scene.tools[self.scene.counting_tool].drive.direction
+            if axis == 0 and main is not None and main[1] != 0:       # beside the body: it holds back what is pushed
+                normal = -np.asarray(main, float)
+            axis = 1
+        return np.copysign(1.0, normal[axis]) * np.eye(len(low))[axis]
 
     def _frame(self, state) -> None:
         if state.step == self._last_frame:

@@ -1,0 +1,33 @@
+"""What presses a body that hardly accelerates is in balance, and so are the forces in the history of a run."""
+
+import numpy as np
+
+from fenics_forming import laws, simulate
+from fenics_forming.physics.workpiece import MOST_TIED, RateContinuity
+from fenics_forming.scene import Scene
+
+
+def test_both_dies_feel_the_same_force_when_the_body_has_come_near_the_wall_of_its_cavity():
+    """A flat billet in a cup: at the end the wall is nearer to its middle than the bottom is.
+
+    No inertia and no weight, so the forces along the axis balance to the tolerance of the solver, 2e-3.
+    """
+    cup = {"kind": "polyline", "points": [[-2, 0], [10.2, 0], [10.5, 8], [20, 8]], "fillet": [0, 1, 1, 0]}
+    scene = Scene(geometry="axisymmetric", materials={"steel": {"flow_stress": laws.Constant(value=100)}},
+                  workpieces={"billet": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [4, 12]},
+                                         "material": "steel", "mesh_size": 2}},
+                  tools={"cup": {"shape": cup, "friction": laws.Siebel(factor=0.2)},
+                         "punch": {"shape": {"kind": "plane", "point": [0, 12], "normal": [0, -1]},
+                                   "drive": {"kind": "speed", "velocity": [0, -1]}, "friction": laws.Siebel(factor=0.2)}},
+                  steps={"stroke": 0.4}, stop={"stroke": 8})
+    results = simulate(scene)
+    cup, punch = results.history.column("force_cup_N"), results.history.column("force_punch_N")
+    assert punch.min() > 0
+    np.testing.assert_allclose(cup, punch, rtol=1e-2)
+
+
+def test_a_flow_that_changes_abruptly_is_not_hardened_by_its_change():
+    """The tie to the rates of the solve before decides between flows of equal power; it must not be a force of its own."""
+    tie = RateContinuity(np.array([1.0, 1.0, 1.0]), step=0.01)
+    np.testing.assert_allclose(tie.factor(np.array([1.0, 1.5, 1000.0])), [1.0, 1.005, 1.0 + MOST_TIED])
+    assert MOST_TIED <= 0.05
