@@ -146,6 +146,7 @@ class RigidContact:
             state.pressure, state.grip, state.friction_stress = of_tool[:, 0], of_tool[:, 1], of_tool[:, 2:]
             state.active = state.pressure > 0
             state.slip = law.slip_velocity(state, self.facets.trace(velocity))
+            tool.traction = state.pressure[:, None] * state.normal - state.friction_stress
 
     def resume_from_nodes(self, pressures: dict[str, np.ndarray], velocity: np.ndarray, reach: float) -> None:
         """Start from nodal pressures (nodes,) of every tool, where its gap is at most ``reach``, on the closest points."""
