@@ -9,7 +9,8 @@ from .quality import scaled_jacobian
 from .straight import Straight, cell_edges, volumes
 from .surface import OldSurface, level, place_mids, place_vertices
 
-LEAST = 0.1             # of the Jacobian of the vertices, or of the volume before: less is not let be
+LEAST = 0.1             # of the volume before: less is not let be
+ROOM = 0.3              # of the Jacobian of the vertices: the cell is to last for some steps
 FRACTIONS = (0.75, 0.5, 0.25, 0.0)
 
 
@@ -31,7 +32,7 @@ def vertices_placed(mesh: Straight, surface: OldSurface) -> Straight:
 def raised(mesh: Straight, surface: OldSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Order 2: nodes (n, 3), cells (m, 10), the mid-nodes of the facets (f, 3) and the patch of each facet (f,).
 
-    The mid-nodes of the boundary lie on the old surface; where the Jacobian of a cell would fall below a tenth of
+    The mid-nodes of the boundary lie on the old surface; where the Jacobian of a cell would fall below ROOM times
     that of its vertices, they go back towards the middle of their edge in fractions.
     """
     n = len(mesh.x)
@@ -53,7 +54,7 @@ def raised(mesh: Straight, surface: OldSurface) -> tuple[np.ndarray, np.ndarray,
     placed, share = x, np.ones(len(x))
     for fraction in FRACTIONS:
         bad = np.zeros(len(cells), bool)
-        bad[touched] = scaled_jacobian(x, cells[touched]) < LEAST
+        bad[touched] = scaled_jacobian(x, cells[touched]) < ROOM
         if not bad.any():
             break
         share[cells[bad, 4:]] = fraction
