@@ -20,6 +20,7 @@ from .process.integration import Flow, StepEnd
 from .process.placing import flowing_body, mirror_planes
 from .process.schemes import scheme_of
 from .process.timestep import Adaptivity, Limit, StepChoice
+from .process.tool_corners import hold_corners
 from .results.checkpoint import load_checkpoint, save_checkpoint
 from .results.folds import FoldRecord
 from .results.ledger import PowerLedger, VolumeLedger, VolumeLedgers
@@ -346,15 +347,16 @@ class Simulation:
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
         end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.history, dt)
+        history = end.history if travels or self.keeper is None else hold_corners(body, end.history)
         changes = {} if travels else self._account_for_volume()
         time = self.choice.end_of(state.time, dt)
         turns = time in self._turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
         body.move_tools(time - 1e-12 * dt if turns else time)
-        flow = body.solve(time, end.history, ahead, ahead=self.scheme.look_ahead)
+        flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
-        return State(state.step + 1, time, end.history, flow, ahead, changes), 1 + end.solves, end.error
+        return State(state.step + 1, time, history, flow, ahead, changes), 1 + end.solves, end.error
 
     def _account_for_volume(self) -> dict[str, float]:
         """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""

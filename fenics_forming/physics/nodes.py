@@ -110,6 +110,11 @@ class Nodes:
         nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
         return nodal
 
+    def edges_at(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mid-nodes (k,) and ends (k, 2) of the edges of this rank, ghosts included, that meet in one of the vertices."""
+        rows = np.isin(self._edge_ends, vertices).any(axis=1)
+        return self._edge_mid[rows], self._edge_ends[rows]
+
     def vertex_mean(self, at_vertices: np.ndarray) -> np.ndarray:
         """Volume-weighted mean at the nodes of values given per cell and vertex, (cells, dim + 1[, k]).
 

@@ -48,7 +48,7 @@ class FlowingBody:
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
-        self._drives, self._boundary, self.height_axis = drives, boundary, height_axis
+        self._drives, self.boundary, self.height_axis = drives, boundary, height_axis
         self.interfaces, self.parts = workpiece.interfaces, workpiece.parts
         self.free_surface, self.surfaces = free_surface, surfaces or {}
         self._temperature = None if temperature is None else np.full(self.nodes.count, temperature, float)
@@ -85,9 +85,9 @@ class FlowingBody:
         self._put_on_mirrors()
         held = self._pressed_nodes()
         self.x[self._held] = self._held_at
-        self._as_shifted = self.x[self._boundary]
-        reach = self.reach + np.broadcast_to(slack, len(self.x))[self._boundary]
-        self.sunk = put_on_tools(self.x, self.tools, self._boundary, held, reach) if self.tools else 0.0
+        self._as_shifted = self.x[self.boundary]
+        reach = self.reach + np.broadcast_to(slack, len(self.x))[self.boundary]
+        self.sunk = put_on_tools(self.x, self.tools, self.boundary, held, reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
 
     def _put_on_mirrors(self) -> None:
@@ -103,7 +103,7 @@ class FlowingBody:
     # ------------------------------------------------------------------ volume
     def returned_volume(self) -> float:
         """Change of volume, mm³, by the nodes that the last placing put back onto the tools. Collective."""
-        moved = (self.x[self._boundary] != self._as_shifted).any()
+        moved = (self.x[self.boundary] != self._as_shifted).any()
         if not highest(self.nodes.comm, float(moved)):
             return 0.0
         shifted = self._before_placing()
@@ -126,7 +126,7 @@ class FlowingBody:
 
     def _before_placing(self) -> np.ndarray:
         shifted = self.x.copy()
-        shifted[self._boundary] = self._as_shifted
+        shifted[self.boundary] = self._as_shifted
         return shifted
 
     def restore_volume(self, volume: float) -> Restored:

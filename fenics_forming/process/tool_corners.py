@@ -182,3 +182,59 @@ def _cut(body: BodyArrays, k: int, s: float) -> tuple[np.ndarray, np.ndarray, np
 def _cell(p, q, r, mid) -> np.ndarray:
     vertices = (p, q, r)
     return np.array([*vertices, *(mid[frozenset((vertices[i], vertices[j]))] for i, j in EDGES[2])])
+
+
+# ---------------------------------------------------------------------- between two remeshings
+def hold_corners(body, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Draw the vertex that has just left a corner back to it, in place; the history that it finds there. Collective.
+
+    It does not follow the material then: the history (nodes,), by name, is interpolated along the side over the corner.
+    The mid-nodes around follow by half of the way, inner ones lie half-way between the ends of their edges: their
+    history is the mean of these anyway.
+
+    Parameters
+    ----------
+    body : ``FlowingBody`` in the plane, its tools at their present places
+    """
+    for tool in body.tools if body.nodes.dim == 2 else ():
+        for corner in protruding_corners(tool):
+            history = _held(body, tool, corner, history)
+    return history
+
+
+def _held(body, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    nodes, sides, x = body.nodes, body.free_surface.surface.sides, body.x
+    passed, mine = bridged(x, sides, tool, corner), None
+    if passed is not None:
+        k, s = passed
+        a, b, _ = sides[k]
+        mine = (float(np.linalg.norm(x[[a, b]] - corner, axis=1).min()), min(s, 1 - s), x[a if s < 0.5 else b].copy(),
+                {name: (1 - s) * values[a] + s * values[b] for name, values in history.items()})
+    found = [one for one in nodes.comm.allgather(mine) if one is not None]
+    if not found:
+        return history
+    distance, share, place, values = min(found, key=lambda one: one[0])
+    if distance == 0.0 or share > AT_END or any(abs(place[axis] - value) < 1e-8 * body.size
+                                                for axis, value in body.free_surface.mirrors.items()):
+        return history
+    vertex = np.flatnonzero((np.abs(x - place) < 1e-12 * body.size).all(axis=1) & nodes.is_vertex)
+    x[vertex] = corner
+    _follow(body, tool, vertex, corner - place)
+    history = {name: array.copy() for name, array in history.items()}
+    for name, value in values.items():
+        history[name][vertex] = value
+    return {name: nodes.with_mids(array) for name, array in history.items()}
+
+
+def _follow(body, tool, vertex: np.ndarray, moved: np.ndarray) -> None:
+    """Move the mid-nodes of the edges at a vertex that has moved: inner ones, and those between two vertices on the tool,
+    to the middle of their edge, others of the boundary by half of the way."""
+    x = body.x
+    mids, ends = body.nodes.edges_at(vertex)
+    middle = 0.5 * x[ends].sum(axis=1)
+    outer = np.isin(mids, body.boundary)
+    low = np.abs(tool.gap(x[ends].reshape(-1, 2))[0]).reshape(-1, 2).max(axis=1)
+    on_tool = low < ON_TOOL * np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
+    straight = ~outer | on_tool
+    x[mids[straight]] = middle[straight]
+    x[mids[~straight]] += 0.5 * moved

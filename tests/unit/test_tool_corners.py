@@ -1,5 +1,7 @@
 """A body that slides over a sharp corner of a tool gets a vertex of its boundary there, and nothing else changes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ from fenics_forming.physics import meshing
 from fenics_forming.physics.contact.polyline import Polyline
 from fenics_forming.physics.contact.rigid import KnownTool, ToolMotion
 from fenics_forming.physics.contact.surfaces import Plane
+from fenics_forming.physics.kinematics import PLANE_STRAIN
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.remeshing import BodyArrays, remesh
 from fenics_forming.process.remeshing import side_labels
 from fenics_forming.process.shifting import put_on_tools
-from fenics_forming.process.tool_corners import drawn_to_corners, feet, left_corner, protruding_corners
+from fenics_forming.process.tool_corners import drawn_to_corners, feet, hold_corners, left_corner, protruding_corners
+from fenics_forming.process.volume import FreeSurface
 
 CORNER = np.array([0.0, 1.0])
 
@@ -115,3 +119,35 @@ def test_a_body_that_does_not_reach_the_corner_stays_as_it_is():
     old = body()
     assert drawn_to_corners(old, size_of(0.5), [die(shift=(5.0, 0.0))], {1: 0.0}) is old
     assert left_corner(old.sides, old.x, [die(shift=(5.0, 0.0))]) == {"die": 0.0}
+
+
+def running(exit_at):
+    """As much of a body in a run as the corners ask for, with a history that is linear in the place."""
+    nodes = Nodes(meshing.polygon([(-4, 0), (2, 0), (2, exit_at[1]), exit_at, (0, 1.5), (0, 2), (-4, 2)], 0.6))
+    surface = FreeSurface.of_mesh(nodes, PLANE_STRAIN, {1: 0.0})
+    body = SimpleNamespace(nodes=nodes, x=nodes.x, tools=[die()], free_surface=surface, size=6.0,
+                           boundary=np.flatnonzero(surface.nodes))
+    return body, {"strain": nodes.with_mids(3 + nodes.x @ [1.0, 2.0])}
+
+
+def test_between_remeshings_the_vertex_is_drawn_back_and_finds_the_history_that_is_there():
+    """Of a linear field that is the field at the corner, up to the distance of the corner from the side over it."""
+    body, history = running(exit_at=(0.0, 0.9))
+    before, given = body.x.copy(), history["strain"].copy()
+    found = hold_corners(body, history)["strain"]
+    moved = np.flatnonzero((body.x != before).any(axis=1))
+    vertices = moved[body.nodes.is_vertex[moved]]
+    assert len(vertices) == 1 and body.x[vertices[0]] == pytest.approx(CORNER, abs=1e-15)
+    assert found[vertices[0]] == pytest.approx(3 + CORNER @ [1.0, 2.0], abs=1e-12)
+    others = body.nodes.is_vertex.copy()
+    others[vertices] = False
+    assert np.array_equal(found[others], given[others]) and np.array_equal(history["strain"], given)
+    assert found == pytest.approx(body.nodes.with_mids(found.copy()), abs=1e-15)
+    assert np.abs(body.x[moved] - before[moved]).max() <= 0.1 + 1e-12
+
+
+def test_a_vertex_on_the_corner_stays_with_its_history():
+    body, history = running(exit_at=tuple(CORNER))
+    before = body.x.copy()
+    assert hold_corners(body, history) is history
+    assert np.array_equal(body.x, before)
