@@ -208,14 +208,14 @@ def _held(body, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dic
     if passed is not None:
         k, s = passed
         a, b, _ = sides[k]
-        mine = (float(np.linalg.norm(x[[a, b]] - corner, axis=1).min()), min(s, 1 - s), x[a if s < 0.5 else b].copy(),
+        mine = (float(np.linalg.norm(x[[a, b]] - corner, axis=1).min()), x[a if s < 0.5 else b].copy(),
                 {name: (1 - s) * values[a] + s * values[b] for name, values in history.items()})
     found = [one for one in nodes.comm.allgather(mine) if one is not None]
     if not found:
         return history
-    distance, share, place, values = min(found, key=lambda one: one[0])
-    if distance == 0.0 or share > AT_END or any(abs(place[axis] - value) < 1e-8 * body.size
-                                                for axis, value in body.free_surface.mirrors.items()):
+    distance, place, values = min(found, key=lambda one: one[0])
+    if distance == 0.0 or any(abs(place[axis] - value) < 1e-8 * body.size
+                               for axis, value in body.free_surface.mirrors.items()):
         return history
     vertex = np.flatnonzero((np.abs(x - place) < 1e-12 * body.size).all(axis=1) & nodes.is_vertex)
     x[vertex] = corner
