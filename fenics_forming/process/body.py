@@ -82,20 +82,12 @@ class FlowingBody:
         """
         start = perf_counter()
         self.move_tools(time)
-        self._put_on_mirrors()
         held = self._pressed_nodes()
         self.x[self._held] = self._held_at
         self._as_shifted = self.x[self.boundary]
         reach = self.reach + np.broadcast_to(slack, len(self.x))[self.boundary]
         self.sunk = put_on_tools(self.x, self.tools, self.boundary, held, reach) if self.tools else 0.0
         self.seconds["shifting"] += perf_counter() - start
-
-    def _put_on_mirrors(self) -> None:
-        """Nodes of mirror planes back where those are: a gradient averaged over cells (``etd2``) carries them off a bit."""
-        surfaces = self.surfaces.values() if self.free_surface is None else [self.free_surface]
-        for surface in surfaces:
-            for axis, on_plane in surface.on_plane.items():
-                self.x[on_plane, axis] = surface.mirrors[axis]
 
     def _pressed_nodes(self) -> dict[str, np.ndarray]:
         return self.contact.pressed_nodes() if self.tools and not self.workpiece.is_cold else {}

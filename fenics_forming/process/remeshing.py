@@ -14,7 +14,7 @@ from ..physics.meshing import from_arrays
 from ..physics.nodes import EDGES
 from ..physics.parallel import on_first_rank
 from ..physics.remeshing import BodyArrays, Landing, Remeshed, remesh
-from ..physics.remeshing.quality import scaled_jacobian
+from ..physics.remeshing.quality import overturned, scaled_jacobian
 from ..physics.surface import Surface
 from .body import FlowingBody
 from .tool_corners import drawn_to_corners
@@ -91,7 +91,7 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         drawn = drawn_to_corners(old, wanted, body.tools, mirrors)
         labels = side_labels(drawn, body.tools, mirrors, landed)
         landing = Landing({k: tool.gap for k, tool in enumerate(body.tools, start=1)},
-                          lambda points: hover * wanted(points), landed)
+                          lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
         made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
         surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
         start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
@@ -100,7 +100,7 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         back = surface.volume(placed)
         if kept_volume is not None:
             surface.offset_to(kept_volume, placed, body.tools)
-        if scaled_jacobian(placed, made.cells).min() <= 0.0:
+        if overturned(made.x, placed, made.cells).any() or scaled_jacobian(placed, made.cells).min() <= 0.0:
             raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
         moved = Transfer(old, placed)
         fields = {name: moved.linear(values) for name, values in given.linear.items()}

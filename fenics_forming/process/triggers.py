@@ -40,6 +40,8 @@ class Triggers:
     def _shape(self, body: FlowingBody, velocity: np.ndarray, dt: float) -> str | None:
         nodes = body.nodes
         x = nodes.x + dt * velocity
+        if lowest(nodes.comm, -float(quality.overturned(nodes.x, x, nodes.vertices).any())) < 0:
+            return "a cell would be inverted"
         least = lowest(nodes.comm, float(quality.radius_ratio(x, nodes.vertices).min(initial=1.0)))
         # a new mesh that is not above the limit itself (a sharp wedge) is renewed when it has become clearly worse
         limit = min(self.settings.quality_limit(self.dim), 0.7 * self.best)

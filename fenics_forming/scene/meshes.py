@@ -45,7 +45,7 @@ class Remesh(Described):
     penetration: Positive(Number) = 0.1
     neighbour_ratio: Ratio = 4.0
     every: CountFromOne | None = None
-    least_steps: Count = 3
+    least_steps: Count = 1
     max_size: Positive(Length) | None = None
     min_size: Positive(Length) | None = None
     chord: Positive(Length) | None = None

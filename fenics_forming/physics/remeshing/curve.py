@@ -20,6 +20,11 @@ SAMPLES = 4              # of the wanted size, on each half of an old side
 class Curve:
     """A chain by arc length.
 
+    Parameters
+    ----------
+    detail : function of points to what is too fine there to be followed, mm: of points that are closer to each other than
+        a third of it only one is kept
+
     Attributes
     ----------
     length : mm
@@ -27,7 +32,7 @@ class Curve:
     s : (k,) arc lengths of its samples, the ends included
     """
 
-    def __init__(self, chain: Chain):
+    def __init__(self, chain: Chain, detail=None):
         self.label, self.nodes = chain.label, chain.nodes
         self._knots = np.concatenate([[0.0], np.cumsum(_half_lengths(chain.points))])
         self.length = float(self._knots[-1])
@@ -35,8 +40,9 @@ class Curve:
             place = ", ".join(f"{c:.6g}" for c in chain.points[np.argmin(np.diff(self._knots))])
             raise MeshError(f"a boundary side at ({place}) mm has no length")
         self._ends = chain.points[[0, -1]]
+        kept = np.arange(len(self._knots)) if detail is None else _spread(self._knots, detail(chain.points) / 3)
         self._spline = None if _straight(chain.points, self.length) else CubicSpline(
-            self._knots, chain.points, bc_type="periodic" if chain.closed else "not-a-knot")
+            self._knots[kept], chain.points[kept], bc_type="periodic" if chain.closed else "not-a-knot")
         fractions = np.arange(SAMPLES) / SAMPLES
         self.s = np.append((self._knots[:-1, None] + np.diff(self._knots)[:, None] * fractions).ravel(), self.length)
 
@@ -79,6 +85,15 @@ class Curve:
         s = np.interp(np.linspace(0.0, number[-1], n + 1), number, self.s)
         s[0], s[-1] = 0.0, self.length
         return s
+
+
+def _spread(knots: np.ndarray, apart: np.ndarray) -> np.ndarray:
+    """Numbers of the knots, both ends among them, that are about ``apart`` (k,) from the one before, or more."""
+    number = np.concatenate([[0.0], np.cumsum(np.diff(knots) * 2 / (apart[1:] + apart[:-1]))])
+    if np.diff(number).min() >= 1.0:
+        return np.arange(len(knots))
+    _, first = np.unique(np.floor(number), return_index=True)
+    return np.append(first[(first == 0) | (number[first] < number[-1] - 0.5)], len(knots) - 1)
 
 
 def _half_lengths(points: np.ndarray) -> np.ndarray:

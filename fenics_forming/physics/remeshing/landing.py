@@ -19,11 +19,13 @@ class Landing:
 
     gaps : label of a tool → function of points (k, 2) to their gaps (k,), mm, and normals (k, 2) out of the tool
     height : function of points to what counts as landed there (k,), mm
+    mouth : function of points to the width of the narrowest pocket that is kept there (k,), mm
     touching : what counts as touching, mm
     """
 
     gaps: dict[int, Callable]
     height: Callable
+    mouth: Callable
     touching: float
 
 
@@ -32,8 +34,8 @@ def landed(x: np.ndarray, loop: np.ndarray, labels: np.ndarray, landing: Landing
     """A loop of sides, (k, 3) start, end and middle, with its labels (k,), after landing; new points are appended to x.
 
     Free half sides are taken as pressed where both ends are low enough, the way along the tool goes forward, and they
-    hang together with pressed ones or touch the tool. A free run between two pressed ones that is low all along, or that
-    the straight way between them bridges on the side of the tool within one low height, goes as well.
+    hang together with pressed ones or touch the tool. A free run between two pressed ones that is low all along, or whose
+    ends are closer to each other than a mesh can resolve, is closed.
     """
     for label, gap in landing.gaps.items():
         x, loop, labels = _on_tool(x, loop, labels, label, gap, landing)
@@ -53,7 +55,7 @@ def _on_tool(x, loop, labels, label, gap, landing):
     keep = np.ones(len(knots), dtype=bool)
     for first, last in _between(half == 0, taken):
         run = np.arange(first + 1, first + 1 + (last - first) % len(knots)) % len(knots)     # knots inside
-        if _is_pocket(at, low, along, run, first, (last + 1) % len(knots)):
+        if _is_pocket(x[knots], at, low, along, run, first, (last + 1) % len(knots), landing.mouth):
             keep[run] = _advancing(at, along, run, first, (last + 1) % len(knots))
             taken[np.append(run, first)] = True
     if not (taken & ~held).any():
@@ -84,12 +86,14 @@ def _between(free: np.ndarray, taken: np.ndarray) -> list[tuple[int, int]]:
     return found
 
 
-def _is_pocket(at, low, along, run, begin, finish) -> bool:
-    """Whether a free run of knots between two on the tool is to be closed."""
+def _is_pocket(x, at, low, along, run, begin, finish, mouth) -> bool:
+    """Whether a free run of knots between two on the tool is to be closed: it is low, or narrow and on the body's side."""
     way = at[finish] - at[begin]
     if (way * along[begin]).sum() <= 0.0:
         return False
-    return bool(low[run].all())
+    off = x[run] - at[begin]
+    inside = way[0] * off[:, 1] - way[1] * off[:, 0] >= 0.0
+    return bool(low[run].all() or (inside.all() and way @ way < mouth(at[[begin]])[0] ** 2))
 
 
 def _advancing(at, along, run, begin, finish) -> np.ndarray:

@@ -32,12 +32,13 @@ class Chain:
     closed: bool
 
 
-def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: Landing | None = None
-          ) -> tuple[list[list[Chain]], list[str]]:
+def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: Landing | None = None,
+          detail=None) -> tuple[list[list[Chain]], list[str]]:
     """The closed loops of the boundary, free of folds and landed on the tools, each cut into its chains; what that changed.
 
     A chain ends where the label changes and where the sides turn by more than `corner_angle` (degrees), measured
-    between the end tangents of their parabolas.
+    between the end tangents of their parabolas; of two corners closer to each other along the boundary than ``detail``,
+    a function of points in mm, the sharper one stays, and none so close to where the label changes.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: La
         changes += [f"a fold at ({_words(place)}) mm cut off" for place in folds]
         if landing is not None:
             points, loop, kinds = landed(points, loop, kinds, landing)
-        found.append(_chains(points, loop, kinds, corner_angle, len(x)))
+        found.append(_chains(points, loop, kinds, corner_angle, len(x), detail))
     return found, changes
 
 
@@ -107,12 +108,17 @@ def _oriented(sides: np.ndarray, leaving: np.ndarray) -> np.ndarray:
 
 
 def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float,
-            known: int) -> list[Chain]:
+            known: int, detail) -> list[Chain]:
     """One loop, cut at its features; without any it is one closed chain. Nodes from ``known`` on are not of the body."""
     start, end, middle = (x[sides[:, k]] for k in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, start - 4 * middle + 3 * end      # end tangents of the parabolas
     turn = angle_between(np.roll(arriving, 1, axis=0), leaving)
-    feature = (np.abs(turn) > np.radians(corner_angle)) | (labels != np.roll(labels, 1))
+    sharpness = np.where(np.abs(turn) > np.radians(corner_angle), np.abs(turn), 0.0)
+    sharpness[labels != np.roll(labels, 1)] = np.inf
+    feature = sharpness > 0.0
+    if detail is not None and feature.any():
+        feature[feature] = _apart(sharpness[feature], np.cumsum(np.linalg.norm(end - start, axis=1)), feature,
+                                  detail(start[feature]))
     closed = not feature.any()
     first = np.flatnonzero(feature) if not closed else np.array([0])
     chains = []
@@ -121,6 +127,18 @@ def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: 
         nodes = np.append(run[:, [0, 2]].ravel(), run[-1, 1])
         chains.append(Chain(x[nodes], _known(nodes, known), int(labels[begin]), closed))
     return chains
+
+
+def _apart(sharpness: np.ndarray, along: np.ndarray, feature: np.ndarray, detail: np.ndarray) -> np.ndarray:
+    """Which of the features, (k,) by their sharpness, stay; ``along`` ends the sides (n,) that start at ``feature``."""
+    place, whole = np.concatenate([[0.0], along[:-1]])[feature], along[-1]
+    stay = np.ones(len(place), dtype=bool)
+    for k in np.argsort(sharpness, kind="stable"):         # the bluntest goes first; there are a few in all
+        away = np.abs(place - place[k])
+        near = stay & (np.minimum(away, whole - away) < detail[k])
+        near[k] = False
+        stay[k] = np.isinf(sharpness[k]) or not near.any()
+    return stay
 
 
 def _known(nodes: np.ndarray, known: int) -> np.ndarray:

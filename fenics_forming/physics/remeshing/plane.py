@@ -31,8 +31,9 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     Coarse sides may cross each other and a cell may have no room for the curve of its side: such sides get finer
     in the next attempt; where an engine fails, all sides do.
     """
-    chains, changes = loops(body, labels, corner_angle, landing)
-    curves = [[Curve(chain) for chain in loop] for loop in chains]
+    detail = None if least is None else lambda points: np.minimum(least, sizes(points))
+    chains, changes = loops(body, labels, corner_angle, landing, detail)
+    curves = [[Curve(chain, detail) for chain in loop] for loop in chains]
     boundary = Boundary(curves, sizes, _around(body, sizes), chord, least)
     best, room, reasons = None, 0.0, {}
     for _ in range(ATTEMPTS):

@@ -84,6 +84,12 @@ def scaled_jacobian(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return _over((det * np.sign(straight)[:, None]).min(axis=1), np.abs(straight))
 
 
+def overturned(before: np.ndarray, after: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Whether the vertices of each cell go round the other way when its nodes move, (m,): no ratio of radii tells."""
+    corners = cells[:, : before.shape[1] + 1]
+    return _determinant(before[corners]) * _determinant(after[corners]) <= 0.0
+
+
 def _gradients(dim: int) -> np.ndarray:
     """Of the quadratic shape functions at the nodes and integration points: (derivative, point, node)."""
     cell = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron
