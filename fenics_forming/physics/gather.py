@@ -72,7 +72,7 @@ def gather_facets(nodes: Nodes, facets: ContactFacets, values: dict[str, np.ndar
     """
     vertices, points = facets.points_from(numbering(nodes).node_rows)
     local = np.arange(len(points))[:, None]
-    seen = {n: v.reshape(len(points), facets.points_per_facet, -1)[local, points] for n, v in values.items()}
+    seen = {n: v.reshape(len(points), facets.points_per_facet, v.shape[1])[local, points] for n, v in values.items()}
     parts = nodes.comm.gather({"vertices": vertices, **seen}, 0)
     if parts is None:
         return None

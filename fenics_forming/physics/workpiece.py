@@ -178,6 +178,7 @@ class Workpiece:
         self._volume = fem.form(weight * ufl.Measure("dx", domain=mesh, metadata=exactly))
         self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
         self._force_power = fem.form(-body_force_power(f, v, weight, dx)) if body_force is not None else None
+        self._drag_power = fem.form(drag(v, v, self.drag, weight, dx)) if self.parts is not None else None
         self._nodal_area = fem.form(w[0] * weight * self.contact.facets.measure) \
             if self.contact is not None else None
         u = ufl.split(self.increment)[0]
@@ -331,6 +332,10 @@ class Workpiece:
 
     def body_force_power(self) -> float:
         return self._total(self._force_power) if self._force_power is not None else 0.0
+
+    def drag_power(self) -> float:
+        """Power that the drag takes from bodies that move, mW; of a single body, which has none, zero."""
+        return self._total(self._drag_power) if self._drag_power is not None else 0.0
 
     def _total(self, form) -> float:
         return float(total(self.nodes.comm, fem.assemble_scalar(form)))

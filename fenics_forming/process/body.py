@@ -308,8 +308,10 @@ class FlowingBody:
         return powers | self._contact_powers()
 
     def _contact_powers(self) -> dict[str, float]:
-        """Powers of all contacts, mW: given by tools, friction, penalty."""
-        powers, velocity = self.contact.powers(self.workpiece.velocity), self.workpiece.velocity
+        """Powers of all contacts, mW: given by tools, friction, and what is no physics: penalty and drag."""
+        velocity = self.workpiece.velocity
+        powers = self.contact.powers(velocity)
+        powers["penalty"] += self.workpiece.drag_power()
         between = self.interfaces.powers(velocity) if self.interfaces is not None else {}
         return powers | {name: powers[name] + power for name, power in between.items()}
 
