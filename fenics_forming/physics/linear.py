@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
@@ -60,3 +61,12 @@ class DirectSolver:
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         self._ksp.solve(b, x)
+
+    def solve_columns(self, columns: np.ndarray) -> np.ndarray:
+        """Solve for many right-hand sides at once: the owned rows (n, k) of them, and of the solutions."""
+        layout = ((len(columns), None), (None, columns.shape[1]))
+        right = PETSc.Mat().createDense(layout, array=np.asfortranarray(columns), comm=self._A.comm)
+        right.assemble()
+        found = right.duplicate()
+        self._factor.matSolve(right, found)
+        return found.getDenseArray().copy()

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from ...errors import ConvergenceError
 from ..linear import DirectSolver
 from .body import ToolBody
+from .compliance import compliance
 from .rigid import free_motions
 
 
@@ -116,6 +117,10 @@ class ElasticSolver:
         self.factor.solve(self.force.copy(), self.body.displacement)
         self.seconds["solve"] += perf_counter() - start
         return 1
+
+    def compliance(self, dofs: np.ndarray) -> np.ndarray:
+        """See `compliance.compliance`; it never changes. Collective."""
+        return compliance(self.body, self.factor.direct, dofs)
 
     def point_stress(self) -> np.ndarray:
         """Stresses at the points, (p, c), MPa."""

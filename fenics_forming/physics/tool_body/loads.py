@@ -36,6 +36,18 @@ class Traction:
 
 
 @dataclass(frozen=True)
+class PointTractions:
+    """Tractions at the points of ``facets``, (n, dim) MPa, in the order of ``body.face(facets).points``: those of contact,
+    taken over point by point."""
+
+    facets: np.ndarray
+    value: np.ndarray
+
+    def add_to(self, vector, body) -> None:
+        body.face(self.facets).add(vector, self.value)
+
+
+@dataclass(frozen=True)
 class BodyForce:
     """Force per volume, N/mm³: its components, or f(x (n, dim)) → (n, dim)."""
 

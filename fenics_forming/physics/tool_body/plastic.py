@@ -20,6 +20,7 @@ from ...errors import ConvergenceError
 from ..linear import DirectSolver
 from ..parallel import total
 from .body import DEGREE, ToolBody
+from .compliance import compliance
 from .elastic import ElasticFactor, constrained_matrix, set_held_rows
 
 RUNAWAY = 1e6      # an imbalance as many times the usual forces comes from displacements that only grow
@@ -87,6 +88,7 @@ class PlasticSolver:
         self._forces = self.force.copy()
         self._balanced = self._forces           # internal forces of the accepted state
         self._accepted = body.displacement.x.array.copy()
+        self._flows = False
 
     # ------------------------------------------------------------------ loading
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
@@ -176,6 +178,15 @@ class PlasticSolver:
         self.seconds["elastic solve"] += perf_counter() - start
 
     def _tangent_increment(self) -> None:
+        self._factorise_tangent()
+        start = perf_counter()
+        self._direct.solve(self._out_of_balance, self._increment.x.petsc_vec)
+        self._increment.x.scatter_forward()
+        self.body.displacement.x.array[:] += self._increment.x.array
+        self.seconds["tangent solve"] += perf_counter() - start
+
+    def _factorise_tangent(self) -> None:
+        """The consistent tangent of the last response at the points, factorised."""
         start = perf_counter()
         tangents = self._tangents[:, self._upper[0], self._upper[1]]
         self._tangent.x.array[: tangents.size] = tangents.ravel()
@@ -184,9 +195,6 @@ class PlasticSolver:
         if self._direct is None:
             self._direct = DirectSolver(self._matrix)
         self._direct.factorise()
-        self._direct.solve(self._out_of_balance, self._increment.x.petsc_vec)
-        self._increment.x.scatter_forward()
-        self.body.displacement.x.array[:] += self._increment.x.array
         self.seconds["assembly"] += assembled - start
         self.seconds["tangent solve"] += perf_counter() - assembled
 
@@ -211,7 +219,8 @@ class PlasticSolver:
         self._trial = PlasticState(stress, strain, plastic, effective)
         self._write_stress(stress)
         self.seconds["points"] += perf_counter() - start
-        return total(body.nodes.comm, float(flowing)) > 0
+        self._trial_flows = total(body.nodes.comm, float(flowing)) > 0
+        return self._trial_flows
 
     def _write_stress(self, stress: np.ndarray) -> None:
         narrow = self.body.state.narrowed(stress)
@@ -242,6 +251,7 @@ class PlasticSolver:
         self.external_work += self._work_done(force)
         self.plastic, self.force, self._balanced, self._held = after, force, self._forces, body.held_part
         self._accepted = body.displacement.x.array.copy()
+        self._flows, self._accepted_tangents = self._trial_flows, self._tangents
         self._largest_force = max(self._largest_force, force.norm(), self._forces.norm())
 
     def _work_done(self, force: PETSc.Vec) -> float:
@@ -264,7 +274,16 @@ class PlasticSolver:
         self._trial = self.plastic
         self._write_stress(self.plastic.stress)
 
-    # ------------------------------------------------------------------ what the results ask
+    # ------------------------------------------------------------------ what others ask
+    def compliance(self, dofs: np.ndarray) -> np.ndarray:
+        """See `compliance.compliance`: by the consistent tangent of the last step, the elastic one if no point flowed in
+        it. Collective."""
+        if self._flows:
+            self._tangents = self._accepted_tangents
+            self._factorise_tangent()
+            return compliance(self.body, self._direct, dofs)
+        return compliance(self.body, self.factor.direct, dofs)
+
     def point_stress(self) -> np.ndarray:
         """Stresses at the points, (p, c), MPa."""
         return self.plastic.stress
