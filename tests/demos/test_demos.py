@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from demos import billet_upsetting, ring_compression, ring_rolling_rotation
+from demos import billet_upsetting, closed_die, ring_compression, ring_rolling_rotation
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
 
@@ -36,7 +36,18 @@ def test_the_rolled_ring_grows_by_its_volume_where_the_shift_keeps_rotations(tmp
     assert ends == sorted(ends) and ends[1] < 1.005 * 325 and ends[2] > 1.3 * 325 and ends[3] > 3 * 325
 
 
-@pytest.mark.parametrize("demo", [billet_upsetting, ring_compression])
+def test_the_closed_die_is_filled_and_its_flash_takes_the_rest(tmp_path, capsys):
+    results = closed_die.main(coarse=True, out=tmp_path)
+    assert (tmp_path / "closed_die.png").stat().st_size > 10_000
+    assert "volume in the flash" in capsys.readouterr().out
+    assert results.summary["remeshings"] > 3
+    # the cavity is full over the last two millimetres only: up to there the force is that of upsetting
+    assert results.at(stroke=28)["force_upper_N"] > 4 * results.at(stroke=26)["force_upper_N"]
+    # the damage gathers where the flash is drawn out and stays bounded where nothing is pulled
+    assert 0.1 < results.history.rows[-1]["max_damage"] < 1.5
+
+
+@pytest.mark.parametrize("demo", [billet_upsetting, closed_die, ring_compression])
 def test_the_scene_of_a_demo_comes_back_from_its_own_text(demo, tmp_path):
     scene = read_scene(demo.SCENE)
     (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
