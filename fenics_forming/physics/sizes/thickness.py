@@ -35,6 +35,27 @@ def thickness(x: np.ndarray, sides: np.ndarray, reach: float) -> tuple[np.ndarra
     return np.where(facing, distance, np.inf), np.where(facing, hit, -1)
 
 
+def ways_around(sides: np.ndarray, lengths: np.ndarray, met: np.ndarray) -> np.ndarray:
+    """Shorter way along the boundary of a plane body from the middle of each side to that of the side ``met``, (f,) mm.
+
+    Infinite between two loops of the boundary, 0 for a side that has met none (-1).
+    """
+    following = dict(zip(sides[:, 0].tolist(), range(len(sides)), strict=True))
+    place, loop, whole, left = np.zeros(len(sides)), np.full(len(sides), -1), [], set(range(len(sides)))
+    end_of, length = sides[:, 1].tolist(), lengths.tolist()
+    while left:
+        side, way = min(left), 0.0
+        while side in left:
+            left.discard(side)
+            place[side], loop[side] = way + 0.5 * length[side], len(whole)
+            way += length[side]
+            side = following.get(end_of[side], -1)
+        whole.append(way)
+    apart = np.abs(place - place[met])
+    around = np.minimum(apart, np.array(whole)[loop] - apart)
+    return np.where(met < 0, 0.0, np.where(loop == loop[met], around, np.inf))
+
+
 def _normals(corners):
     along = corners[:, 1] - corners[:, 0]
     if corners.shape[2] == 2:

@@ -7,12 +7,13 @@ import numpy as np
 from ..remeshing.body_arrays import BodyArrays
 from .domains import domain_sources
 from .field import Sizes, graded
-from .thickness import thickness
+from .thickness import thickness, ways_around
 from .tools import corner_source, rounding_sources
 
 GROWTH = 0.2
 LEAST = 0.05            # of the mesh size, where the scene gives no min_size
 LAYERS = {2: 3.0, 3: 2.0}               # elements across a thin section
+AROUND = 3.0            # the way around the end of a thin section of the plane is longer than the one across by this factor
 LAYERS_TO_MIRROR = {2: 2.0, 3: 1.5}     # across the half of one that is cut by a mirror plane
 
 
@@ -41,11 +42,15 @@ def body_sizes(scene, tools, body: BodyArrays, mirrors: dict[int, float], mesh_s
 def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -> np.ndarray:
     """Sizes at the nodes, (n,), that put some elements across thin sections; inf where nothing is asked for.
 
+    In the plane a section is thin where the way around its end is more than three times as long as the one across.
     h = t / 3 (t / 2 in space) at both ends of a section of thickness t, t / 2 (t / 1.5) for half of one at a mirror plane.
     """
     vertices = body.sides[:, : body.dim]
     mirror = on_mirror(body, mirrors)
     across, met = thickness(body.x, vertices, LAYERS[body.dim] * sizes.base)
+    if body.dim == 2:      # the two walls of a lip or of a notch next to each other bound no section
+        lengths = np.linalg.norm(body.x[vertices[:, 1]] - body.x[vertices[:, 0]], axis=1)
+        across[ways_around(vertices, lengths, met) < AROUND * across] = np.inf
     wanted = np.maximum(across / np.where(mirror[met], LAYERS_TO_MIRROR[body.dim], LAYERS[body.dim]), sizes.least)
     wanted[mirror] = np.inf
     nodal = np.full(len(body.x), np.inf)
