@@ -3,9 +3,10 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from demos import billet_upsetting, closed_die, ring_compression, ring_rolling_rotation
+from demos import billet_upsetting, closed_die, extrusion, ring_compression, ring_rolling_rotation
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
 
@@ -47,7 +48,28 @@ def test_the_closed_die_is_filled_and_its_flash_takes_the_rest(tmp_path, capsys)
     assert 0.1 < results.history.rows[-1]["max_damage"] < 1.5
 
 
-@pytest.mark.parametrize("demo", [billet_upsetting, closed_die, ring_compression])
+def test_the_extruded_bar_keeps_between_the_bounds_and_its_grid_goes_through_the_die(tmp_path, capsys):
+    results = extrusion.main(coarse=True, out=tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "extrusion.png").stat().st_size > 10_000
+    line = results.flow_line("across_1")
+    # at the start a straight line across the billet, at the end one across the bar, ahead in the middle
+    assert np.ptp(line.places[0, :, 1]) < 1e-12 and line.places[0, -1, 0] == pytest.approx(extrusion.BILLET)
+    r, z = line.places[-1].T
+    assert z.max() < -7 and r.max() == pytest.approx(extrusion.BAR, rel=0.03)
+    assert z[r < 3].max() < z[-1]
+
+
+def test_the_strain_rate_of_converging_flow_has_the_mean_of_the_bound():
+    """f(alpha) by quadrature: 200 Gauss points leave nothing of this smooth integrand."""
+    s, w = np.polynomial.legendre.leggauss(200)
+    for angle in (0.1, np.radians(30), 1.2):
+        theta = 0.5 * angle * (s + 1)
+        integral = 0.5 * angle * np.sum(w * np.sqrt(1 - 11 / 12 * np.sin(theta) ** 2) * np.sin(theta))
+        assert extrusion.angle_factor(angle) == pytest.approx(2 * integral / np.sin(angle) ** 2, rel=1e-10)
+
+
+@pytest.mark.parametrize("demo", [billet_upsetting, closed_die, extrusion, ring_compression])
 def test_the_scene_of_a_demo_comes_back_from_its_own_text(demo, tmp_path):
     scene = read_scene(demo.SCENE)
     (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
