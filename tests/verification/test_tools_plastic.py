@@ -58,6 +58,25 @@ def test_thick_cylinder_yields_from_the_bore_outwards_and_collapses():
     assert tool.von_mises.max() < 1.05 * YIELD, "stresses carried to the nodes may overshoot a little"
 
 
+def test_thick_cylinder_of_solid_cells_does_not_lock():
+    """The same as a slice in space between two planes, 4 x 4 x 1 cubes of tetrahedra: 1 % at 190, collapse 0.1 %."""
+    mesh = meshing.box((np.log(100), 0, 0), (np.log(200), np.pi / 2, 20), (4, 4, 1))
+    x = mesh.geometry.x
+    radius, angle = np.exp(x[:, 0]), x[:, 1].copy()
+    x[:, 0], x[:, 1] = radius * np.cos(angle), radius * np.sin(angle)
+    x[np.abs(x) < 1e-9] = 0.0
+    held = [*symmetric(mesh, 0, 1, 2), FixedDisplacement(side(mesh, 2, 20.0), 2)]
+    solver = PlasticSolver(ToolBody(Nodes(mesh), kinematics="3d", material=PERFECT, held=held))
+    bore = at_radius(mesh, 100)
+    for pressure, inner, tolerance in ((160, 0.183435, 5e-3), (190, 0.362383, 1e-2)):
+        tool = go(solver, bore, pressure, steps=5)
+        found = np.hypot(*tool.displacement[:, :2].T)[np.isclose(np.hypot(*tool.x[:, :2].T), 100)]
+        assert found.mean() == pytest.approx(inner, rel=tolerance)
+    with pytest.raises(ff.ConvergenceError):
+        solver.solve([Pressure(bore, 210)], steps=20)
+    assert 190 + 20 * solver.reached == pytest.approx(192.0906, rel=1e-3)
+
+
 def elastic_plastic_sphere(front):
     """Pressure and outer displacement at which the thick sphere has yielded up to a radius (exact for every nu)."""
     pressure = 2 * YIELD * np.log(front / 100) + 2 * YIELD / 3 * (1 - front**3 / 200**3)

@@ -25,6 +25,7 @@ from ..parallel import highest, total
 from ..plasticity import elastic_tangent
 from . import terms
 from .faces import LoadedFace, VolumeForce
+from .heating import Heating
 from .stress_state import STATES, StressState
 from .supports import PointSprings, Springs, nodes_at
 
@@ -44,6 +45,7 @@ class ToolBody:
     Attributes
     ----------
     displacement : Function, mm · dofs : (nodes, dim) · owned : number of dofs of this rank
+    heating : `Heating`, None of a tool without temperature
     """
 
     def __init__(self, nodes: Nodes, *, kinematics: StressState | str, material, held=(), springs=()):
@@ -51,6 +53,7 @@ class ToolBody:
         self.state = STATES[kinematics] if isinstance(kinematics, str) else kinematics
         mesh, dim = nodes.mesh, nodes.dim
         cell = mesh.basix_cell()
+        self.degree = DEGREE
         self.space = V = fem.functionspace(mesh, basix.ufl.element("Lagrange", cell, 2, shape=(dim,)))
         self.displacement = fem.Function(V, name="displacement")
         blocks = np.empty(nodes.count, dtype=np.int32)
@@ -71,6 +74,7 @@ class ToolBody:
         self._support(springs)
         self._faces: dict[bytes, LoadedFace] = {}
         self._volume_force: VolumeForce | None = None
+        self.heating: Heating | None = None
         zero = fem.Constant(mesh, np.zeros(dim))
         self._no_force = fem.form(ufl.inner(zero, ufl.TestFunction(V)) * self.measure)
 
@@ -205,6 +209,12 @@ class ToolBody:
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return vector
 
+    def set_temperature(self, temperature, stress_free: float = 20.0) -> None:
+        """Temperature of the next solve, at the nodes (nodes,) or everywhere, degC, and that without thermal strain."""
+        if self.heating is None:
+            self.heating = Heating(self)
+        self.heating.set_temperature(temperature, stress_free)
+
     # ------------------------------------------------------------------ fields
     def nodal(self, function: fem.Function | None = None) -> np.ndarray:
         """Nodal values (nodes, dim) of a function of the space, without one of the displacement, mm (a copy)."""
@@ -218,13 +228,16 @@ class ToolBody:
         return self.nodal(function)
 
     def point_strain(self) -> np.ndarray:
-        """Strains at the points, all components, (p, c); in plane stress the one across is not set."""
+        """Strains at the points that stress the material, all components, (p, c): without the thermal ones; in plane stress
+        the one across is not set."""
         values = self._strain.eval(self.nodes.mesh, self._cells)
-        return self.state.widened(values.reshape(len(self.volumes), len(self.state.held)))
+        strain = self.state.widened(values.reshape(len(self.volumes), len(self.state.held)))
+        if self.heating is not None:
+            strain[:, :3] -= self.heating.strain[:, None]
+        return strain
 
-    def elastic_stress(self) -> np.ndarray:
-        """Stresses at the points of a body that is elastic throughout, (p, c), MPa."""
-        strain = self.point_strain()
+    def hooke(self, strain: np.ndarray) -> np.ndarray:
+        """Stresses of elastic strains (p, c) by the law of each part, (p, c), MPa."""
         stress = np.empty_like(strain)
         for law, cells in self.parts:
             rows = self.points_of(cells)

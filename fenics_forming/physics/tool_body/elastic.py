@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from ..linear import DirectSolver
+from ..parallel import total
 from .body import ToolBody
 from .compliance import compliance
 from .rigid import free_motions
@@ -44,9 +45,10 @@ class ElasticFactor:
             self.factorisations += 1
         return self._direct
 
-    def solve(self, load: PETSc.Vec, found: fem.Function, since: fem.Function | None = None) -> None:
+    def solve(self, load: PETSc.Vec, found: fem.Function, since: fem.Function | None = None) -> float:
         """The displacement under a load, or its increment where ``since`` is the displacement so far and ``load`` what is
-        not yet balanced. ``load`` is changed: held components get what they still have to go."""
+        not yet balanced. ``load`` is changed: held components get what they still have to go. Returns the norm of what
+        drives the displacement, forces and moved supports, N."""
         body = self.body
         if body.moves_supports:
             lift = body.new_vector()
@@ -54,9 +56,11 @@ class ElasticFactor:
             fem_petsc.apply_lifting(lift, [self.form], [body.conditions], x0=x0)
             lift.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             load.axpy(1.0, lift)
+        driving = load.norm()
         set_held_rows(body, load, since)
         self.direct.solve(load, found.x.petsc_vec)
         found.x.scatter_forward()
+        return driving
 
 
 def constrained_matrix(body: ToolBody, form, matrix: PETSc.Mat | None = None) -> PETSc.Mat:
@@ -114,7 +118,11 @@ class ElasticSolver:
         start = perf_counter()
         self.force = self.body.external_forces(loads)
         self.body.set_held(held)
-        self.factor.solve(self.force.copy(), self.body.displacement)
+        driving, heating = self.force.copy(), self.body.heating
+        if heating is not None:
+            heating.strain = heating.wanted
+            driving.axpy(1.0, heating.forces(heating.strain))
+        self.factor.solve(driving, self.body.displacement)
         self.seconds["solve"] += perf_counter() - start
         return 1
 
@@ -124,7 +132,7 @@ class ElasticSolver:
 
     def point_stress(self) -> np.ndarray:
         """Stresses at the points, (p, c), MPa."""
-        return self.body.elastic_stress()
+        return self.body.hooke(self.body.point_strain())
 
     def internal_forces(self) -> PETSc.Vec:
         """Nodal forces that the stresses and springs hold in balance, N."""
@@ -136,7 +144,17 @@ class ElasticSolver:
         fem_petsc.assemble_vector(vector, self._internal)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         body.add_point_springs(vector)
+        if body.heating is not None:
+            vector.axpy(-1.0, body.heating.forces(body.heating.strain))
         return vector
+
+    @property
+    def thermal_work(self) -> float:
+        """Work of the stresses on the thermal strains, raised together from nothing, mJ."""
+        if self.body.heating is None:
+            return 0.0
+        work = 0.5 * self.point_stress()[:, :3].sum(axis=1) * self.body.heating.strain
+        return float(total(self.body.nodes.comm, work @ self.body.volumes))
 
     @property
     def external_work(self) -> float:

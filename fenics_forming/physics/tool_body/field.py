@@ -36,8 +36,9 @@ class ToolField:
 
     displacement (nodes, dim) mm · stress (nodes, components) MPa, in the order of ``components`` · von_mises,
     mean_stress (nodes,) MPa · plastic_strain (nodes,) effective, None of a tool that cannot yield · reactions
-    (nodes, dim) N, zero where nothing is held · external_work = elastic_energy + spring_energy + plastic_work, mJ ·
-    iterations · solver and body, with which further loads can be brought on
+    (nodes, dim) N, zero where nothing is held · external_work = elastic_energy + spring_energy + plastic_work +
+    thermal_work (of the stresses on thermal strains), mJ · iterations · solver and body, with which further loads can be
+    brought on
     """
 
     displacement: np.ndarray
@@ -50,6 +51,7 @@ class ToolField:
     elastic_energy: float
     spring_energy: float
     plastic_work: float
+    thermal_work: float
     iterations: int
     solver: ElasticSolver | PlasticSolver = field(repr=False)
 
@@ -79,7 +81,8 @@ class ToolField:
 
 
 def solve_tool(mesh: Mesh, *, kinematics: StressState | str, material, held=(), springs=(), loads=(),
-               steps: int | None = None, settings: ToolSettings = ToolSettings()) -> ToolField:
+               temperature=None, stress_free: float = 20.0, steps: int | None = None,
+               settings: ToolSettings = ToolSettings()) -> ToolField:
     """A tool under loads, from no stress.
 
     Parameters
@@ -90,6 +93,7 @@ def solve_tool(mesh: Mesh, *, kinematics: StressState | str, material, held=(), 
     held : `FixedDisplacement` (also symmetry planes and the axis), `FixedPoint`
     springs : `Springs`, `PointSprings`
     loads : `Pressure`, `Traction`, `BodyForce`, `Centrifugal`, `NodalForces`
+    temperature : (nodes,) or everywhere, degC; without it no thermal strain is built · stress_free : degC, where it is zero
     steps : in which the loads are brought on, if the tool yields
 
     Raises
@@ -98,6 +102,8 @@ def solve_tool(mesh: Mesh, *, kinematics: StressState | str, material, held=(), 
         if the tool is free to move as a whole, or cannot carry the loads.
     """
     body = ToolBody(Nodes(order_two(mesh)), kinematics=kinematics, material=material, held=held, springs=springs)
+    if temperature is not None:
+        body.set_temperature(temperature, stress_free)
     solver = solver_of(body, settings)
     iterations = solver.solve(loads, steps=steps)
     return fields(solver, iterations)
@@ -122,7 +128,8 @@ def fields(solver: ElasticSolver | PlasticSolver, iterations: int = 0) -> ToolFi
     balance.axpy(-1.0, solver.force)
     reactions = np.where(body.is_held, body.nodal_forces(balance), 0.0)
     return ToolField(body.nodal(), stress, mises, mean, plastic, reactions, solver.external_work,
-                     body.elastic_energy(at_points), body.spring_energy(), solver.plastic_work, iterations, solver)
+                     body.elastic_energy(at_points), body.spring_energy(), solver.plastic_work, solver.thermal_work,
+                     iterations, solver)
 
 
 def at_nodes(body: ToolBody, at_points: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ class PlasticSolver:
     ----------
     plastic : `PlasticState` · force : nodal forces of the loads that are carried now
     reached : part of the way from the loads before to those of the last solve
-    external_work, plastic_work : mJ, since the start
+    external_work, plastic_work, thermal_work : mJ, since the start; the last that of the stresses on the thermal strains
     """
 
     def __init__(self, body: ToolBody, settings: ToolSettings = ToolSettings()):
@@ -83,12 +83,12 @@ class PlasticSolver:
         self.plastic = PlasticState(*(np.zeros((points, c)) for _ in range(3)), np.zeros(points))
         self._trial = self.plastic
         self.force = body.new_vector()
-        self.external_work = self.plastic_work = 0.0
+        self.external_work = self.plastic_work = self.thermal_work = 0.0
         self.reached, self._held, self._largest_force = 1.0, 0.0, 0.0
         self._forces = self.force.copy()
         self._balanced = self._forces           # internal forces of the accepted state
         self._accepted = body.displacement.x.array.copy()
-        self._flows = False
+        self._flows, self._accepted_heat = False, None
 
     # ------------------------------------------------------------------ loading
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
@@ -118,7 +118,8 @@ class PlasticSolver:
             wanted.scale(1.0 - part)
             wanted.axpy(part, target)
             try:
-                iterations = self._equilibrate(wanted, held_start + part * (held - held_start))
+                iterations = self._equilibrate(wanted, held_start + part * (held - held_start),
+                                               (part - self.reached) / (1.0 - self.reached))
             except ConvergenceError as failure:
                 history.append(failure.sentence)
                 self._take_back()
@@ -140,6 +141,7 @@ class PlasticSolver:
     def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:
         """The whole step with the elastic stiffness; whether no point flows in it, else everything is as before."""
         self.body.set_held(held)
+        self._heat(1.0)
         self._elastic_increment(target)
         flowing = self._respond()
         if not flowing and self._imbalance(target) <= self.settings.tolerance * self._usual_force(target):
@@ -148,9 +150,13 @@ class PlasticSolver:
         return False
 
     # ------------------------------------------------------------------ one step
-    def _equilibrate(self, target: PETSc.Vec, held: float) -> int:
-        """Newton iterations to the balance of the given nodal forces; their number."""
+    def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:
+        """Newton iterations to the balance of the given nodal forces; their number.
+
+        held : part of the given displacements · heat : part of what is left of the way to the given temperature
+        """
         self.body.set_held(held)
+        self._heat(heat)
         self._elastic_increment(target)
         usual = 0.0
         for iteration in range(1, self.settings.max_iterations + 1):
@@ -169,11 +175,25 @@ class PlasticSolver:
         raise ConvergenceError(f"after {self.settings.max_iterations} iterations the forces do not balance by "
                                f"{imbalance / usual:.1e}")
 
+    def _heat(self, part: float) -> None:
+        """Go a part of the way to the wanted thermal strain; the forces are those of the stress that it leaves."""
+        heating = self.body.heating
+        if heating is not None:
+            change = part * (heating.wanted - self._thermal)
+            heating.strain = self._thermal + change
+            self._forces = self._forces.copy()
+            self._forces.axpy(-1.0, heating.forces(change))
+
+    @property
+    def _thermal(self) -> np.ndarray:
+        """Thermal strain of the accepted state, (p,)."""
+        return np.zeros(len(self.body.volumes)) if self._accepted_heat is None else self._accepted_heat
+
     def _elastic_increment(self, target: PETSc.Vec) -> None:
         start = perf_counter()
         load = target.copy()
         load.axpy(-1.0, self._forces)
-        self.factor.solve(load, self._increment, since=self.body.displacement)
+        self._driving = self.factor.solve(load, self._increment, since=self.body.displacement)
         self.body.displacement.x.array[:] += self._increment.x.array
         self.seconds["elastic solve"] += perf_counter() - start
 
@@ -235,11 +255,12 @@ class PlasticSolver:
         return self._out_of_balance.norm()
 
     def _usual_force(self, target: PETSc.Vec) -> float:
-        """What an imbalance is small against: the largest forces of the history and of the start of this step, N.
+        """What an imbalance is small against: the largest forces of the history and of the start of this step, N; also what
+        drives the step where no forces come of it, as in free expansion.
 
         Not those of later iterations: where a tool collapses they grow without bound, and would excuse any imbalance.
         """
-        return max(self._largest_force, target.norm(), self._forces.norm())
+        return max(self._largest_force, target.norm(), self._forces.norm(), self._driving)
 
     # ------------------------------------------------------------------ accepting
     def _accept(self, force: PETSc.Vec) -> None:
@@ -249,6 +270,10 @@ class PlasticSolver:
         work = np.einsum("pi,pi->p", mean, after.plastic_strain - before.plastic_strain) @ body.volumes
         self.plastic_work += float(total(body.nodes.comm, work))
         self.external_work += self._work_done(force)
+        if body.heating is not None:
+            work = mean[:, :3].sum(axis=1) * (body.heating.strain - self._thermal)
+            self.thermal_work += float(total(body.nodes.comm, work @ body.volumes))
+            self._accepted_heat = body.heating.strain
         self.plastic, self.force, self._balanced, self._held = after, force, self._forces, body.held_part
         self._accepted = body.displacement.x.array.copy()
         self._flows, self._accepted_tangents = self._trial_flows, self._tangents
@@ -271,6 +296,8 @@ class PlasticSolver:
     def _take_back(self) -> None:
         """Back to the accepted state."""
         self.body.displacement.x.array[:] = self._accepted
+        if self.body.heating is not None:
+            self.body.heating.strain = self._thermal
         self._trial = self.plastic
         self._write_stress(self.plastic.stress)
 
