@@ -107,7 +107,7 @@ def test_the_scene_of_the_readme_is_that_of_the_demo(tmp_path):
     assert {**shown, "title": ""} == {**demo, "title": ""}
 
 
-@pytest.mark.parametrize("number", range(2))
+@pytest.mark.parametrize("number", range(3))
 def test_the_python_of_the_readme_runs(number, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec(compile(blocks("python")[number], f"README.md, block {number}", "exec"), {})

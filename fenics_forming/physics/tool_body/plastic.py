@@ -104,33 +104,28 @@ class PlasticSolver:
             where no further load can be brought on; the tool is left with what it carries (``reached``).
         """
         start, target = self.force.copy(), self.body.external_forces(loads)
-        held_start = self._held
-        whole = 1.0 / (self.settings.steps if steps is None else steps)
-        size, self.reached, spent, history = whole, 0.0, 0, []
         if self._step_elastically(target, held):
             self._accept(target)
             self.reached = 1.0
             return 1
+        held_start, self.reached, spent, history = self._held, 0.0, 0, []
+        size = whole = 1.0 / (self.settings.steps if steps is None else steps)
         while self.reached < 1.0:
-            part = min(1.0, self.reached + size)
+            part = self.reached + size
             part = 1.0 if part > 1 - 1e-9 else part
-            wanted = start.copy()
-            wanted.scale(1.0 - part)
-            wanted.axpy(part, target)
+            wanted = _between(start, target, part)
             try:
-                iterations = self._equilibrate(wanted, held_start + part * (held - held_start),
-                                               (part - self.reached) / (1.0 - self.reached))
+                spent += self._equilibrate(wanted, held_start + part * (held - held_start),
+                                           (part - self.reached) / (1.0 - self.reached))
             except ConvergenceError as failure:
                 history.append(failure.sentence)
                 self._take_back()
                 size *= 0.5
                 if size < self.settings.smallest_step:
                     raise self._collapse(history) from failure
-                continue
-            spent += iterations
-            self._accept(wanted)
-            self.reached = part
-            size = min(whole, 2 * size)
+            else:
+                self._accept(wanted)
+                self.reached, size = part, min(whole, 2 * size)
         return spent
 
     def _collapse(self, history) -> ConvergenceError:
@@ -322,3 +317,11 @@ class PlasticSolver:
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self.body.add_point_springs(vector)
         return vector
+
+
+def _between(start: PETSc.Vec, end: PETSc.Vec, part: float) -> PETSc.Vec:
+    """The forces a part of the way from one vector to another."""
+    between = start.copy()
+    between.scale(1.0 - part)
+    between.axpy(part, end)
+    return between
