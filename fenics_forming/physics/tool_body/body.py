@@ -86,8 +86,12 @@ class ToolBody:
         space = fem.functionspace(self.nodes.mesh, ("DG", 0))
         self._lame, self._shear = fem.Function(space), fem.Function(space)
         for law, cells in self.parts:
-            self._lame.x.array[cells] = self.state.lame(law)
-            self._shear.x.array[cells] = law.shear_modulus
+            own = space.dofmap.list[cells, 0]
+            self._lame.x.array[own] = self.state.lame(law)
+            self._shear.x.array[own] = law.shear_modulus
+        given = np.concatenate([cells for _, cells in self.parts])
+        if not np.array_equal(np.sort(given), every):
+            raise ValueError("the parts of the material must share out all local cells, ghosts included, each once")
 
     @property
     def yields(self) -> bool:
