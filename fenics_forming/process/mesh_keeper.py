@@ -27,7 +27,7 @@ QUADRATIC = ("velocity", "positions")     # of what a scheme remembers; all else
 class Record:
     """A remeshing that was done: after which step, time s, why, cells before and after, what made the mesh, what of the
     old boundary could not be kept, changes of volume by cause mm³, relative change of the integrals of the history,
-    force of every tool before and after N, s."""
+    force of every tool before and after N, s, least ratio of radii of the new cells."""
 
     step: int
     time: float
@@ -39,6 +39,7 @@ class Record:
     conservation: dict[str, float]
     forces: tuple[list[float], list[float]]
     seconds: float
+    quality: float
 
     def __str__(self):
         return "; ".join([f"{self.cells[0]} to {self.cells[1]} cells ({self.engine}): {self.reason}", *self.healed])
@@ -106,7 +107,7 @@ class MeshKeeper:
         self.triggers.renewed(step, new)
         self.seconds["remeshing"] += made.seconds
         self.records.append(Record(step, time, reason, made.cells, made.engine, made.healed, made.volume, made.conservation,
-                                   (forces, _forces(new)), made.seconds))
+                                   (forces, _forces(new)), made.seconds, self.triggers.best))
         return new, history, flow
 
     def _least(self) -> float:

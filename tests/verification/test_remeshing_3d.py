@@ -1,0 +1,110 @@
+"""Large upsets and indentations in space with ``remesh = true``: nothing is lost where the mesh is renewed.
+
+Coarse meshes of 300 to 1500 cells, so the end of the contact is known to within half an element only, and with it the force
+to some per cent. What remeshing itself may change is much less.
+"""
+
+import numpy as np
+import pytest
+
+import fenics_forming as ff
+from fenics_forming.physics.remeshing import mmg
+from tests.stability.test_ranks import on_ranks, same
+
+pytestmark = pytest.mark.skipif(not mmg.installed(), reason="mmgpy, an optional package, is not installed")
+
+LIMIT = 0.2                      # quality in space below which a mesh is renewed
+AT, FORCE = 5.846, {0.5: 85.79, 1.0: 89.90}      # stroke of half the cylinder, mm; REFERENCES 3.2: force there, kN
+
+
+def cylinder(size, friction, *, stroke=6.0, remesh=True):
+    """An eighth of a perfectly plastic cylinder, R = 10, H = 20 mm, between two dies, as a table."""
+    return {
+        "title": "an eighth of a cylinder", "geometry": "3d", "materials": {"m": {"flow_stress": {"law": "constant",
+                                                                                            "value": 100}}},
+        "workpieces": {"body": {"shape": {"kind": "cylinder", "base": [0, 0, 0], "radius": 10, "height": 10},
+                                "material": "m", "symmetry": ["x", "y", "z"], "mesh_size": size, "remesh": remesh}},
+        "tools": {"upper": {"shape": {"kind": "plane", "point": [0, 0, 10], "normal": [0, 0, -1]},
+                            "drive": {"kind": "speed", "velocity": [0, 0, -1]}, "friction": friction}},
+        "points": {"equator": {"body": "body", "at": [10, 0, 0]}},
+        "steps": {"stroke": 0.3}, "stop": {"stroke": stroke},
+        "output": {"fields_every": 0, "strokes": [AT] if stroke > AT else []}}
+
+
+def indented(friction=0.3):
+    """An eighth of a block between two balls, finer under them."""
+    return {
+        "title": "a block between two balls", "geometry": "3d",
+        "materials": {"m": {"flow_stress": {"law": "linear", "initial": 100, "hardening": 30}}},
+        "workpieces": {"body": {"shape": {"kind": "box", "from": [0, 0, 0], "to": [10, 10, 10]}, "material": "m",
+                                "symmetry": ["x", "y", "z"], "mesh_size": 3.0, "remesh": True,
+                                "refine": [{"kind": "near_tool", "tool": "ball", "distance": 1, "size": 1.2}]}},
+        "tools": {"ball": {"shape": {"kind": "sphere", "centre": [0, 0, 18], "radius": 8},
+                           "drive": {"kind": "speed", "velocity": [0, 0, -1]},
+                           "friction": {"law": "siebel", "factor": friction}}},
+        "steps": {"stroke": 0.25}, "stop": {"stroke": 4}, "output": {"fields_every": 0}}
+
+
+def jumps(results):
+    """Relative change of the force of the first tool at every remeshing."""
+    return np.array([after[0] / before[0] - 1 for before, after in (r["forces"] for r in results.summary["remeshed"])])
+
+
+def nothing_is_lost(results, *, jump, strain):
+    """Volume to 1e-6, new meshes above the limit, force within ``jump``, the integral of the strain within ``strain``."""
+    summary = results.summary
+    assert summary["remeshings"] >= 2, "else nothing is tested"
+    assert summary["stopped"].startswith("stroke")
+    assert np.abs(results.history.column("volume_error_body")).max() < 1e-6
+    for record in summary["remeshed"]:
+        assert record["quality"] > LIMIT, record
+        assert abs(record["conservation"]["history.effective_strain"]) < strain, record
+        # what straight cuts took from the surface, before it was given back
+        assert abs(record["volume"]["remeshing"]) < 2e-3 * results.history.column("volume_body_mm3")[0] / 8, record
+    assert np.abs(jumps(results)).max() < jump, jumps(results)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return ff.simulate(ff.Scene(**cylinder(3.0, {"law": "siebel", "factor": 0.5})))
+
+
+def test_cylinder_is_upset_by_60_percent_without_a_hand_on_its_mesh(coarse):
+    """Elements of 3 mm at a height of 10: the contact ends within one of them, which is worth 2 % of the force."""
+    nothing_is_lost(coarse, jump=0.02, strain=0.02)
+
+
+def test_its_force_and_bulge_are_those_of_the_round_section(coarse):
+    """REFERENCES 3.2 by an axisymmetric elastic-plastic code: 2 % wide itself; the equator after 59.74 % is at 16.19 mm."""
+    assert coarse.at(stroke=AT)["force_upper_N"] / 1e3 == pytest.approx(FORCE[0.5], rel=0.05)
+    assert coarse.at(stroke=5.974)["equator_x_mm"] == pytest.approx(16.19, rel=0.015)
+
+
+@pytest.mark.mpi
+def test_two_ranks_and_a_resumed_run_find_the_same(tmp_path):
+    """Two remeshings within seven steps, the second after the break: all that is geometric happens on one rank."""
+    scene = ff.Scene(**cylinder(3.5, {"law": "siebel", "factor": 0.5}, stroke=2.1, remesh={"every": 3}))
+    one = ff.simulate(scene, tmp_path / "one")
+    two = on_ranks(2, scene.to_toml(), tmp_path / "two")
+    resumed = on_ranks(1, scene.to_toml(), tmp_path / "two", "stop.stroke=0.9")
+    resumed = on_ranks(1, scene.to_toml(), tmp_path / "two", resume=True)
+    for other in (two, resumed):
+        same(one.history, other.history)
+        assert jumps(other) == pytest.approx(jumps(one), abs=1e-6)
+        assert [r["cells"] for r in other.summary["remeshed"]] == [list(r["cells"]) for r in one.summary["remeshed"]]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("friction", "reference"), [({"law": "siebel", "factor": 0.5}, FORCE[0.5]),
+                                                     ({"law": "sticking"}, FORCE[1.0])])
+def test_finer_cylinders_are_nearer_to_the_round_section(friction, reference):
+    results = ff.simulate(ff.Scene(**cylinder(2.0, friction)))
+    nothing_is_lost(results, jump=0.02, strain=0.02)
+    assert results.at(stroke=AT)["force_upper_N"] / 1e3 == pytest.approx(reference, rel=0.03)
+    assert results.at(stroke=5.974)["equator_x_mm"] == pytest.approx(16.16, rel=0.005)
+
+
+@pytest.mark.long
+def test_block_indented_by_balls_keeps_volume_and_history():
+    """The contact begins at a point: at first it is a few elements wide, and the force jumps with every one."""
+    nothing_is_lost(ff.simulate(ff.Scene(**indented())), jump=0.1, strain=0.05)
