@@ -6,7 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from demos import billet_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression, ring_rolling_rotation
+from demos import (
+    billet_upsetting,
+    bimetal_upsetting,
+    block_upsetting_3d,
+    closed_die,
+    extrusion,
+    ring_compression,
+    ring_rolling_rotation,
+)
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
 from fenics_forming.physics.remeshing import mmg
@@ -36,6 +44,14 @@ def test_the_rolled_ring_grows_by_its_volume_where_the_shift_keeps_rotations(tmp
     # REFERENCES 2.4 and 12.3: explicit by far the worst, sub-steps divide its error, midpoint alone drifts a little
     ends = [runs[name].outer[-1] for name in ("rotation", "midpoint", "3 sub-steps", "explicit")]
     assert ends == sorted(ends) and ends[1] < 1.005 * 325 and ends[2] > 1.3 * 325 and ends[3] > 3 * 325
+
+
+def test_core_and_sleeve_need_the_force_of_their_bound_and_one_metal_that_of_a_solid_billet(tmp_path, capsys):
+    runs = bimetal_upsetting.main(coarse=True, out=tmp_path)
+    assert "two pieces of steel at 4 mm" in capsys.readouterr().out
+    assert (tmp_path / "bimetal.png").stat().st_size > 10_000
+    forces = [run.history.rows[-1]["force_upper_N"] for run in runs.values()]
+    assert forces[0] < forces[2], "copper is softer than the steel up to the end"
 
 
 def test_the_closed_die_is_filled_and_its_flash_takes_the_rest(tmp_path, capsys):
@@ -81,7 +97,7 @@ def test_the_block_in_space_is_upset_with_new_meshes(tmp_path, capsys):
     assert abs(slender[0] - 1.5) < 0.002 and slender[1] < 1.25
 
 
-@pytest.mark.parametrize("demo", [billet_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression])
+@pytest.mark.parametrize("demo", [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression])
 def test_the_scene_of_a_demo_comes_back_from_its_own_text(demo, tmp_path):
     scene = read_scene(demo.SCENE)
     (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
