@@ -97,7 +97,10 @@ def test_the_block_in_space_is_upset_with_new_meshes(tmp_path, capsys):
     assert abs(slender[0] - 1.5) < 0.002 and slender[1] < 1.25
 
 
-@pytest.mark.parametrize("demo", [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression])
+DEMOS = [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression]
+
+
+@pytest.mark.parametrize("demo", DEMOS)
 def test_the_scene_of_a_demo_comes_back_from_its_own_text(demo, tmp_path):
     scene = read_scene(demo.SCENE)
     (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
