@@ -137,12 +137,12 @@ def _drawn(body: BodyArrays, tool, corner: np.ndarray, radius: float, mirrors: d
         x, cells, sides, vertex = _cut(body, k, s)
         fixed = np.append(fixed, np.zeros(len(x) - len(fixed), bool))
     x[vertex] = corner
-    sides = _thinned(x, sides, vertex, radius, fixed, tool)
+    sides = _thinned(x, sides, vertex, radius, fixed)
     return Redrawn(x, cells, sides)
 
 
-def _thinned(x: np.ndarray, sides: np.ndarray, vertex: int, radius: float, fixed: np.ndarray, tool) -> np.ndarray:
-    """The sides without the vertices near a given one, the two there straight where they lie on the tool."""
+def _thinned(x: np.ndarray, sides: np.ndarray, vertex: int, radius: float, fixed: np.ndarray) -> np.ndarray:
+    """The sides without the vertices near a given one, the two that meet there straight (in place)."""
     near = (np.linalg.norm(x - x[vertex], axis=1) < radius) & ~fixed
     for forward in (True, False):
         start, end = (0, 1) if forward else (1, 0)
@@ -153,8 +153,7 @@ def _thinned(x: np.ndarray, sides: np.ndarray, vertex: int, radius: float, fixed
             sides[row, end] = sides[following, end]
             sides = np.delete(sides, following, axis=0)
             row -= following < row
-        other, mid = sides[row, end], sides[row, 2]
-        x[mid] = 0.5 * (x[vertex] + x[other])
+        x[sides[row, 2]] = 0.5 * (x[vertex] + x[sides[row, end]])
     return sides
 
 
