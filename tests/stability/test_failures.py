@@ -12,6 +12,7 @@ import fenics_forming as ff
 from fenics_forming import cli
 from fenics_forming.results import Results
 from fenics_forming.simulation import Simulation
+from fenics_forming.simulation.stepping import Stepper
 
 from .scenes import BILLET, BLOCK, COARSE_BILLET, CUBE, PUNCHES, Listener, read, run, scene_file, swept
 
@@ -168,7 +169,7 @@ def test_interrupt_on_the_command_line_is_130(tmp_path, monkeypatch, capsys):
     def interrupted(*args, **more):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Simulation, "_advance", interrupted)
+    monkeypatch.setattr(Stepper, "advance", interrupted)
     assert cli.main(["run", str(scene_file(BLOCK, tmp_path)), "--out", str(tmp_path), "--quiet"]) == 130
     assert "--resume" in capsys.readouterr().err
     assert json.loads((tmp_path / "summary.json").read_text())["stopped"] == "interrupted"
@@ -274,7 +275,7 @@ def test_error_of_another_kind_still_writes_the_summary(tmp_path, monkeypatch):
     def broken(*args):
         raise ZeroDivisionError("not foreseen")
 
-    monkeypatch.setattr(Simulation, "_advance", broken)
+    monkeypatch.setattr(Stepper, "advance", broken)
     with pytest.raises(ZeroDivisionError):
         ff.simulate(read(BLOCK, tmp_path), tmp_path)
     left = Results.read(tmp_path)

@@ -96,9 +96,9 @@ def test_failure_ends_every_rank(tmp_path):
 def test_unforeseen_error_on_one_rank_ends_all(tmp_path):
     """The others are in the middle of a reduction and would wait for ever: all are aborted, with the traceback."""
     script = ("import sys\nfrom mpi4py import MPI\nfrom fenics_forming import cli\n"
-              "from fenics_forming.simulation import Simulation\n"
+              "from fenics_forming.simulation.stepping import Stepper\n"
               "def broken(*a):\n    raise ZeroDivisionError('not foreseen')\n"
-              "if MPI.COMM_WORLD.rank == 1:\n    Simulation._advance = broken\n"
+              "if MPI.COMM_WORLD.rank == 1:\n    Stepper.advance = broken\n"
               "sys.exit(cli.main(sys.argv[1:]))")
     done = subprocess.run(["mpirun", "-n", "2", sys.executable, "-c", script, "run", str(scene_file(BLOCK, tmp_path)),
                            "--out", str(tmp_path), "--quiet"], capture_output=True, text=True, timeout=60, env=os.environ)

@@ -1,0 +1,70 @@
+"""A run as a checkpoint, and back again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
+from ..physics.tracking import MaterialPoints
+from ..process.integration import Flow
+from ..results.checkpoint import Checkpoint, save_checkpoint
+from .state import State
+
+
+def save(run, path: Path, state: State) -> None:
+    """Write the state so that a run on any number of ranks can go on from it."""
+    w, contact = run.body.workpiece, run.body.contact
+    numbers, remembered = run.scheme.memory()
+    save_checkpoint(path, run.nodes, scalars={
+        "step": state.step, "time": state.time, "dt": state.dt, "speed": run.body.speed,
+        "mesh_size": run.mesh_size, "mirrors": _with_words(run.mirrors), "bodies": run.body.making(),
+        "points": _listed(run.points), "flow_lines": _listed(run.lines),
+        "start_volume": run.start_volume, "start_extents": run.start_extents,
+        "volume_ledger": run.volume_ledger.memory(),
+        "power_ledger": run.power_ledger.memory(), "folds": run.folds.memory(),
+        "at_rest": w.is_cold, "penalty": contact.reference,
+        "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
+        "size": run.body.size, "reach": run.body.reach, "scheme": numbers,
+        "meshing": None if run.keeper is None else run.keeper.memory()},
+        nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
+               **{f"history.{name}": values for name, values in state.history.items()},
+               **{f"scheme.{name}": values for name, values in remembered.items()}},
+        cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
+        facetwise=contact.memory(), facets=contact.facets, between=run.body.between())
+
+
+def resumed(run, checkpoint: Checkpoint) -> State:
+    """The state of a checkpoint; body, scheme and steps of the run go on from there."""
+    saved, body, workpiece = checkpoint.scalars, run.body, run.body.workpiece
+    local = {name: scatter_nodal(run.nodes, values if run.comm.rank == 0 else None)
+             for name, values in checkpoint.nodal.items()}
+    run.stepper.choice.resume(saved["step_fraction"])
+    run.scheme.remember(saved["scheme"], {name.removeprefix("scheme."): values for name, values in local.items()
+                                           if name.startswith("scheme.")})
+    body.speed, body.contact.reference = saved["speed"], saved["penalty"]
+    body.move_tools(saved["time"])
+    body.size, body.reach = saved["size"], saved["reach"]
+    history = {name: local[f"history.{name}"] for name in body.new_history()}
+    body.search(saved["dt"])
+    if saved["at_rest"]:
+        flow = body.rest()
+    else:
+        cellwise = {name: scatter_cell_values(run.nodes, values if run.comm.rank == 0 else None)
+                    for name, values in checkpoint.cellwise.items()}
+        workpiece.set_start(local["velocity"], local["mean_stress"])
+        workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
+        body.contact.resume(scatter_facets(run.nodes, body.contact.facets, checkpoint.facetwise), local["velocity"])
+        if body.interfaces is not None:
+            body.interfaces.resume({name: scatter_facets(run.nodes, contact.points, checkpoint.between[name])["state"]
+                                    for name, contact in body.interfaces.by_name.items()}, local["velocity"])
+        flow = Flow(workpiece.velocity, body.rates(history), 0)
+    return State(saved["step"], saved["time"], history, flow, saved["dt"])
+
+
+def _with_words(table: dict) -> dict:
+    """The same nested tables with words for keys, as JSON has them."""
+    return {str(key): _with_words(value) if isinstance(value, dict) else value for key, value in table.items()}
+
+
+def _listed(points: MaterialPoints | None) -> dict[str, list]:
+    return {} if points is None else {name: places.tolist() for name, places in points.places.items()}

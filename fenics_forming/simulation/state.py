@@ -1,0 +1,22 @@
+"""What a run passes from step to step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..process.integration import Flow
+
+
+@dataclass
+class State:
+    """Where a run is: step, time s, history of the nodes, the flow, the step length that contact looked ahead, and what
+    has changed the volume in the step, mm³ by cause."""
+
+    step: int
+    time: float
+    history: dict[str, np.ndarray]
+    flow: Flow
+    dt: float
+    volume_changes: dict[str, float] = field(default_factory=dict)

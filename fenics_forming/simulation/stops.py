@@ -1,0 +1,78 @@
+"""When a run ends, and the times that its steps must hit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..process.body import FlowingBody
+from ..process.timestep import Adaptivity, StepChoice
+from ..scene import Scene
+from .state import State
+
+NEAR_FORCE = 1e-3  # of a force to stop at: how exactly it is hit
+
+
+class Stops:
+    """The conditions of a scene on the end of the run and on its steps.
+
+    Attributes
+    ----------
+    drive : of the tool that counts
+    drives : of all tools that move
+    turns : times at which a tool starts, stops or turns back: what is recorded there is the flow before
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.drive = scene.tools[scene.counting_tool].drive
+        self.drives = [scene.tools[name].drive for name in scene.driven_tools]
+        self.turns: list[float] = [t for drive in self.drives for t in drive.turning_times]
+
+    def step_choice(self) -> StepChoice:
+        """How long steps are: what the scene asks for, and the times that must be hit."""
+        scene, drive = self.scene, self.drive
+        if scene.steps.time is not None:
+            nominal = lambda t: scene.steps.time  # noqa: E731
+        else:
+            def nominal(t):
+                drives = [drive] if drive.velocity(t).any() else self.drives     # one that rests sets no steps
+                end = min(d.time_of_travel(d.travel(t) + scene.steps.stroke, t) for d in drives)
+                return (end if np.isfinite(end) else max([t, *self._landmarks()])) - t or np.inf
+        adaptive = scene.steps.adaptive
+        limits = None if adaptive is None else Adaptivity(adaptive.max_strain_increment, adaptive.tolerance)
+        return StepChoice(nominal, self._landmarks(), limits, adaptive.min_fraction if adaptive else 1e-3)
+
+    def _landmarks(self) -> list[float]:
+        """Times that steps must end at, s."""
+        drive, stop, strokes = self.drive, self.scene.stop, list(self.scene.output.strokes)
+        times = [drive.time_of_travel(s) for s in strokes + ([stop.stroke] if stop.stroke is not None else [])]
+        times += self.turns
+        return [t for t in times + ([stop.time] if stop.time is not None else []) if np.isfinite(t)]
+
+    def watched(self, body: FlowingBody, force: float) -> list[tuple[float, float, float]]:
+        """Of all that a run stops at and a step may go past: its value, rising, that to stop at, and how near is hit."""
+        stop, found = self.scene.stop, []
+        if stop.height is not None:
+            found.append((-body.height(), -stop.height, 1e-6 * stop.height))
+        if stop.force is not None and not body.workpiece.is_cold:      # at first contact it jumps
+            found.append((force, stop.force, NEAR_FORCE * stop.force))
+        return found
+
+    def reached(self, state: State, body: FlowingBody, force: float) -> str | None:
+        """Why the run is over, or None; ``force`` of the tool that counts, N."""
+        stop, drive = self.scene.stop, self.drive
+        if stop.stroke is not None and drive.travel(state.time) >= stop.stroke * (1 - 1e-9):
+            return f"stroke {stop.stroke:g} mm reached"
+        if stop.time is not None and state.time >= stop.time * (1 - 1e-9):
+            return f"time {stop.time:g} s reached"
+        if stop.force is not None and force >= stop.force * (1 - NEAR_FORCE):
+            return f"force {stop.force:g} N reached"
+        if stop.height is not None and body.height() <= stop.height * (1 + 1e-6):
+            return f"height {stop.height:g} mm reached"
+        end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))
+        if end == np.inf and state.time >= max(self.turns, default=0.0):
+            body.move_tools(state.time)
+            body.search(state.dt)
+            if body.time_to_contact(np.inf) == np.inf and not body.is_pushed(state.dt):
+                return "no tool comes towards the body any more: the stop was not reached"
+        return None
