@@ -165,7 +165,7 @@ class Recorder:
         data = {"velocity_mm_per_s": w.velocity, **state.history,
                 "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
                 "flow_stress_MPa": np.broadcast_to(w.nodal_law(strain, rate, temperature), strain.shape),
-                "contact_pressure_MPa": run.body.contact.nodal_pressure()}
+                "contact_pressure_MPa": sum(part.nodal_pressure() for part in w.contacts)}
         if temperature is not None:
             data["temperature_degC"] = temperature
         self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data,

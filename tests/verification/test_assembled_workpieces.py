@@ -160,6 +160,22 @@ def test_body_that_nothing_holds_is_carried_and_lands():
     assert found[-1] == pytest.approx(STRESS * np.pi * 100 * 9.8 / 9.4, rel=2e-3)
 
 
+# ---------------------------------------------------------------------- penalty
+@pytest.mark.parametrize("augmented", [True, False])
+def test_penalty_factor_changes_little_and_nothing_fails(augmented):
+    """From a tenth to ten thousand times the default. Without multipliers a soft penalty lets the surfaces sink into one
+    another; a hard one is cut between bodies, where unlike meshes would lock."""
+    found = []
+    for factor in (1.0, 10.0, 1e2, 1e3, 1e5):
+        case = upsetting(CUTS["sleeve"], [between("a", "b", laws.Siebel(factor=0.2))], travel=1, step=0.25, law=SWIFT,
+                         tools={"upper": platen(10, friction=laws.Siebel(factor=0.2))},
+                         solver=scene.Solver(penalty_factor=factor, augmented=augmented))
+        results = simulate(case)
+        found.append(force(results))
+        assert results.summary["newton_iterations_per_solve"] < 8
+    np.testing.assert_allclose(found, np.broadcast_to(found[1], np.shape(found)), rtol=3e-3 if augmented else 1e-2)
+
+
 # ---------------------------------------------------------------------- runs
 def test_bimetal_scene_runs_to_its_stop():
     """Coarse; as it stands it does so as well (see demos). The sleeve of the harder metal holds the core back."""
@@ -231,6 +247,10 @@ def test_frames_tell_the_bodies_apart(tmp_path):
     mesh = meshio.read(tmp_path / "fields_000002.vtu")
     bodies = mesh.cell_data["body"][0]
     assert set(bodies) == {0, 1}
+    # at the vertices of the surface, and by half at the mid-nodes behind it; next to the die its own pressure follows
+    pressure, r = mesh.point_data["contact_pressure_MPa"], mesh.points[:, 0]
+    inner = (np.abs(r - 6.1) < 0.2) & (mesh.points[:, 1] < 11)
+    assert 5 < pressure[inner].max() < 200 and pressure[(r > 8) & (mesh.points[:, 1] < 11)].max() == 0.0
     middle = mesh.points[mesh.cells[0].data[:, :3]].mean(axis=1)[:, 0]
     assert middle[bodies == 0].max() < 6.5 and middle[bodies == 1].min() > 5.9
     assert set(json.loads((tmp_path / "summary.json").read_text())["extents_mm"]) == {"core", "sleeve"}

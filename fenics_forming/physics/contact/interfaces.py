@@ -15,6 +15,8 @@ from .bodies import BodyContact
 from .rigid import RigidContact
 
 REACH = 0.5      # of the size of a side: gaps up to this stay paired, so that sliding changes the pairing rarely
+MOST_FACTOR = 100.0    # of the penalty: beyond it unlike meshes lock, points pull and open (force -0.1 % at 100, -0.4 % at
+                       # 1000), and from 1e5 on Newton ends in cycles; the multipliers take the penetration out anyway
 TRAVEL = 4.0     # times the way of the tools in a step: a gap beyond cannot close in it
 
 
@@ -39,15 +41,16 @@ class Interfaces:
     ----------
     tools : contact of the same bodies with tools, which knows penalty, speed and step
     dofs : (nodes, dim) global numbers of the velocities; owned : unknowns of this rank; free : (nodes, dim) not given
+    penalty_factor : of the tools; between bodies it is at most MOST_FACTOR
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, pairs: list[Pair], tools: RigidContact, *, dofs: np.ndarray,
-                 owned: int, free: np.ndarray):
+                 owned: int, free: np.ndarray, penalty_factor: float):
         self.names, self.slaves = [pair.name for pair in pairs], {pair.name: pair.holder for pair in pairs}
         self.contacts = [BodyContact(nodes, kinematics, pair.slave, pair.master, dofs=dofs, owned=owned, free=free,
                                      friction=pair.friction, element=pair.element, interference=pair.interference)
                          for pair in pairs]
-        self._nodes, self._tools = nodes, tools
+        self._nodes, self._tools, self._share = nodes, tools, min(1.0, MOST_FACTOR / penalty_factor)
         self._unknowns = PETSc.Vec().createMPI((owned, None), comm=nodes.comm)
         first = self._unknowns.getOwnershipRange()[0]
         self._mine = (dofs >= first) & (dofs < first + owned)
@@ -102,7 +105,7 @@ class Interfaces:
         """Tractions at nodal velocities (nodes, dim); flow_stress (nodes,), the rest as in ``RigidContact.respond``."""
         unknowns = self._unknowns_of(velocity)
         for contact in self.contacts:
-            contact.coefficient = self._tools.coefficient
+            contact.coefficient = self._share * self._tools.coefficient
             contact.slip0 = self._tools.slip0 if slip0 is None else slip0
             softer = contact.softer(flow_stress) if contact.has_friction else None
             contact.respond(unknowns, flow_stress=softer, touching=touching, again=again)
@@ -166,6 +169,19 @@ class Interfaces:
             friction, penalty = friction + lost - in_normal, penalty + in_normal
         sums = total(self._nodes.comm, np.array([friction, penalty]))
         return {"friction": float(sums[0]), "penalty": float(sums[1])}
+
+    def nodal_pressure(self) -> np.ndarray:
+        """Pressure between bodies at the nodes (nodes,), MPa, on the surfaces that hold the points. Collective."""
+        sums = np.zeros((self._nodes.count, 2))
+        for contact in self.contacts:
+            points = contact.points
+            corners = points.sides[:, : self._nodes.dim]
+            share = contact.weights.reshape(-1, points.per_side)
+            load = contact.state.pressure.reshape(share.shape) * share
+            for column, values in enumerate((load, share)):
+                sums[:, column] += np.bincount(corners.ravel(), (values @ points.hats).ravel(), self._nodes.count)
+        sums = self._nodes.sum_over_ranks(sums)
+        return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
 
     # ------------------------------------------------------------------ memory
     def memory(self) -> dict[str, np.ndarray]:
