@@ -55,6 +55,18 @@ def test_two_ranks_find_what_one_finds(case, tmp_path):
     assert two.summary["ranks"] == 2 and len(two.frames) == len(one.frames)
 
 
+def test_a_run_that_renews_its_mesh_does_so_alike_on_two_ranks(tmp_path):
+    """Sides fold over onto the die, and land there at remeshings; what makes the mesh sees the whole body on one rank."""
+    changes = ("workpieces.ring.mesh_size='1 mm'", "workpieces.ring.remesh.every=4", "steps.stroke='0.1 mm'",
+               "stop.stroke='1.2 mm'", "tools.upper.friction.factor=0.5")
+    one = run(RING, tmp_path / "one", *changes).results
+    two = on_ranks(2, RING, tmp_path / "two", *changes)
+    same(one.history, two.history)
+    assert len(one.summary["remeshed"]) == len(two.summary["remeshed"]) >= 2
+    for a, b in zip(one.summary["remeshed"], two.summary["remeshed"], strict=True):
+        assert (a["step"], a["cells"], a["reason"]) == (b["step"], b["cells"], b["reason"])
+
+
 def test_sub_steps_carry_nodes_from_the_part_of_one_rank_into_that_of_another(tmp_path):
     """The frozen field is whole on every rank; turned by the local spin, and with the places of the step before."""
     changes = ("process.shifting={ scheme = 'substeps', rule = 'midpoint', rotation = true }", "stop.stroke='0.2 mm'")
