@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_forming import laws, scene
-from fenics_forming.physics.bodies import CORNER_SIZE, automatic_size, body_mesh
+from fenics_forming.physics.bodies import automatic_size, body_mesh
 from fenics_forming.physics.contact.rigid import ToolMotion
 from fenics_forming.physics.contact.surfaces import Circle, Plane
 from fenics_forming.physics.contact.triangulated import Triangulated
@@ -16,7 +16,7 @@ from fenics_forming.physics.sizes import AtNodes, AtPoints, body_sizes, graded, 
 from fenics_forming.physics.sizes.field import edges_of
 from fenics_forming.physics.sizes.thickness import thickness
 from fenics_forming.physics.tools import known_tools
-from fenics_forming.process.adaptation import FINEST, SHARE, adapted_sizes, contact_edges, gradient_sizes
+from fenics_forming.process.adaptation import EDGE_SIZE, FINEST, SHARE, adapted_sizes, contact_edges, gradient_sizes
 
 SQUARE = scene.Rectangle(from_=(0, 0), to=(10, 10))
 CUBE = scene.Box(from_=(0, 0, 0), to=(10, 10, 10))
@@ -425,7 +425,7 @@ def test_mesh_is_fine_where_the_contact_with_a_rough_tool_ends(friction, corners
     assert len(ends) == corners
     sizes = adapted_sizes(described, tools, body, top.astype(int), {}, 1.0)
     assert sizes(np.array([[0.0, 10.0], [10.0, 10.0], [5.0, 5.0]])) == pytest.approx(
-        [CORNER_SIZE, CORNER_SIZE, 1.0] if corners else [1.0, 1.0, 1.0])
+        [EDGE_SIZE, EDGE_SIZE, 1.0] if corners else [1.0, 1.0, 1.0])
 
 
 # ---------------------------------------------------------------------- first mesh
