@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ..physics.parallel import highest, lowest
+from ..physics.gather import gather_cells, gather_nodal
+from ..physics.parallel import highest, lowest, on_first_rank
 from ..physics.remeshing import quality
 from ..physics.surface import Surface
 from ..scene.meshes import Remesh
@@ -50,6 +52,10 @@ class Triggers:
         jacobian = lowest(nodes.comm, float(quality.scaled_jacobian(x, nodes.cells).min(initial=1.0)))
         if jacobian < LEAST_JACOBIAN:
             return f"a curved cell is nearly inverted (Jacobian {jacobian:.2f})"
+        ratio = on_first_rank(nodes.comm, partial(quality.neighbour_ratio, gather_nodal(nodes, x), gather_cells(nodes)))
+        ratio = nodes.comm.bcast(ratio, 0)
+        if ratio > self.settings.neighbour_ratio:
+            return f"a cell is {ratio:.1f} times as large as its neighbour"
         return None
 
     def _tools(self, body: FlowingBody) -> str | None:

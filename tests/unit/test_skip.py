@@ -175,13 +175,16 @@ SCENE = """
     answer["run"] = loaded("pyvista", "vtk", "matplotlib", "meshio", "rich", "scipy.spatial",
                            "fenics_forming.physics.contact.bvh", "fenics_forming.physics.contact.triangulated",
                            "fenics_forming.results.plotting3d")
+    answer["remeshing"] = [name for name in sys.modules if name == "mmgpy" or name.startswith("fenics_forming.") and
+                           name.endswith((".mesh_keeper", ".triggers", ".transfer", ".adaptation", ".plane", ".solid",
+                                          ".mmg", ".assembling", ".interfaces"))]
     answer["dolfinx"] = "dolfinx" in sys.modules
     answer["steps"] = len(results.history)
     print(json.dumps(answer))
 """
 
 
-def test_run_without_output_imports_no_drawing_library_and_compiles_no_search_tree():
+def test_run_without_output_imports_no_drawing_library_no_remeshing_and_compiles_no_search_tree():
     """And describing, reading and checking a scene imports no dolfinx.
 
     numba itself cannot be kept out: dolfinx imports it.  What the package compiles with it, the search trees of
@@ -190,4 +193,4 @@ def test_run_without_output_imports_no_drawing_library_and_compiles_no_search_tr
     run = subprocess.run([sys.executable, "-c", textwrap.dedent(SCENE)], capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr
     answer = json.loads(run.stdout.splitlines()[-1])
-    assert answer == {"described": [], "run": [], "dolfinx": True, "steps": 2}
+    assert answer == {"described": [], "run": [], "remeshing": [], "dolfinx": True, "steps": 2}
