@@ -40,13 +40,45 @@ for kind in sys.argv[1:]:
 """
 
 
-def answers(ranks: int, *kinds: str) -> np.ndarray:
+STACKED = """
+import numpy as np
+from mpi4py import MPI
+from fenics_forming import FixedDisplacement, Pressure, laws, meshing
+from fenics_forming.physics.gather import gather_cells, gather_nodal
+from fenics_forming.physics.nodes import Nodes
+from fenics_forming.physics.parallel import total
+from fenics_forming.physics.tool_body import AssembledSolver, PartContact, ToolBody, fields
+
+parts = [Nodes(meshing.rectangle((0, 0), (10, 10), (4, 4))), Nodes(meshing.rectangle((2, 10.01), (8, 16), (5, 4)))]
+x, cells = [gather_nodal(n, n.x) for n in parts], [gather_cells(n) for n in parts]
+if MPI.COMM_WORLD.rank == 0:
+    mesh = meshing.from_arrays(np.concatenate(x), np.concatenate([cells[0], cells[1] + len(x[0])]))
+else:
+    mesh = meshing.from_arrays(np.empty((0, 2)), np.empty((0, 6), np.int64))
+low, below, above, high = (meshing.boundary_facets(mesh, lambda x, at=at: np.isclose(x[1], at))
+                           for at in (0, 10, 10.01, 16))
+law = laws.Elasticity(young=210e3, poisson=0.3, yield_stress=240, hardening=5e3)
+held = [FixedDisplacement(low, i) for i in (0, 1)] + [FixedDisplacement(high, 0), FixedDisplacement(high, 1, -0.05)]
+body = ToolBody(Nodes(mesh), kinematics="plane_strain", material=law, held=held)
+solver = AssembledSolver(body, [PartContact(above, below)])
+solver.solve(steps=3)
+tool, contact = fields(solver), solver.contacts[0]
+pressure, weights = contact.state.pressure, contact.weights
+pressed = total(mesh.comm, np.array([pressure @ weights, pressure**2 @ weights]))
+answers = [tool.external_work, tool.elastic_energy, tool.plastic_work, tool.reaction(low)[1], *pressed,
+           total(mesh.comm, float(solver.plastic.effective @ body.volumes))]
+if mesh.comm.rank == 0:
+    print(*answers, sep="\\n")
+"""
+
+
+def answers(ranks: int, program: str, *words: str) -> np.ndarray:
     launcher = [] if ranks == 1 else ["mpirun", "-n", str(ranks)]
-    done = subprocess.run([*launcher, sys.executable, "-c", PROGRAM, *kinds], capture_output=True, text=True, timeout=120,
+    done = subprocess.run([*launcher, sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=120,
                           env=os.environ)
     assert done.returncode == 0, done.stderr[-2000:]
     found = np.array(done.stdout.split(), float)
-    assert len(found) > 9 * len(kinds) and (np.abs(found) > 0).all()
+    assert len(found) >= 7 and (np.abs(found) > 0).all()
     return found
 
 
@@ -55,4 +87,9 @@ def answers(ranks: int, *kinds: str) -> np.ndarray:
 def test_number_of_ranks_changes_nothing(ranks, kinds):
     """In the plane one of three ranks has no facet of the loaded face."""
     # forces balance to 1e-9 of the largest at the tolerance, far better after the last, quadratic iteration
-    assert answers(ranks, *kinds) == pytest.approx(answers(1, *kinds), rel=1e-10)
+    assert answers(ranks, PROGRAM, *kinds) == pytest.approx(answers(1, PROGRAM, *kinds), rel=1e-10)
+
+
+def test_parts_that_press_on_one_another_on_two_ranks():
+    """A smaller block comes down through a gap on a larger one, its corners yield; meshes that do not match."""
+    assert answers(2, STACKED) == pytest.approx(answers(1, STACKED), rel=1e-9)

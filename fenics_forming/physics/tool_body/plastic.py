@@ -203,15 +203,18 @@ class PlasticSolver:
     def _factorise_tangent(self) -> None:
         """The consistent tangent of the last response at the points, factorised."""
         start = perf_counter()
-        tangents = self._tangents[:, self._upper[0], self._upper[1]]
-        self._tangent.x.array[: tangents.size] = tangents.ravel()
-        self._matrix = constrained_matrix(self.body, self._tangent_form, self._matrix)
+        self._write_tangent()
         assembled = perf_counter()
         if self._direct is None:
             self._direct = DirectSolver(self._matrix)
         self._direct.factorise()
         self.seconds["assembly"] += assembled - start
         self.seconds["tangent solve"] += perf_counter() - assembled
+
+    def _write_tangent(self) -> None:
+        tangents = self._tangents[:, self._upper[0], self._upper[1]]
+        self._tangent.x.array[: tangents.size] = tangents.ravel()
+        self._matrix = constrained_matrix(self.body, self._tangent_form, self._matrix)
 
     def _respond(self) -> bool:
         """Stresses and tangents at the points for the present displacement; whether any point flows. Collective."""
@@ -272,7 +275,7 @@ class PlasticSolver:
         self.plastic, self.force, self._balanced, self._held = after, force, self._forces, body.held_part
         self._accepted = body.displacement.x.array.copy()
         self._flows, self._accepted_tangents = self._trial_flows, self._tangents
-        self._largest_force = max(self._largest_force, force.norm(), self._forces.norm())
+        self._largest_force = self._usual_force(force)
 
     def _work_done(self, force: PETSc.Vec) -> float:
         """Work of loads and of moved supports in the step, mJ."""
