@@ -7,7 +7,16 @@ import fenics_forming as ff
 from fenics_forming import FixedDisplacement, Pressure, meshing
 from fenics_forming.physics.gather import gather_cells, gather_nodal
 from fenics_forming.physics.nodes import Nodes
-from fenics_forming.physics.tool_body import AssembledSolver, PartContact, PlasticSolver, ToolBody, fields
+from fenics_forming.physics.tool_body import (
+    AssembledSolver,
+    PartContact,
+    PlasticSolver,
+    ToolBody,
+    ToolSettings,
+    fields,
+    global_dofs,
+)
+from fenics_forming.physics.workpiece import facet_nodes
 
 from .shapes import ring_sector, side
 from .test_tools_elastic import STEEL, at_radius, radial, symmetric
@@ -130,6 +139,23 @@ def test_two_blocks_are_compressed_as_one(law, cells):
     at_top = np.isclose(tool.x[:, 1], 20)
     assert tool.displacement[at_top, 1] == pytest.approx(np.full(at_top.sum(), -20 * strain), rel=2e-3)
     assert solver.contacts[0].force()[1] == pytest.approx(pressure * 10 * (1 if cells[1] >= cells[0] else -1), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", [STEEL, YIELDING], ids=["elastic", "plastic"])
+def test_compliance_is_that_of_the_parts_pressed_together(law):
+    """Displacements of the top by its compliance and a small further load: those of a solve, penalty included."""
+    mesh, contact, top = stacked()
+    found = []
+    for pressure in (260.0, 260.01):
+        body = ToolBody(Nodes(mesh), kinematics="plane_stress", material=law, held=symmetric(mesh, 0, 1))
+        solver = AssembledSolver(body, [contact], ToolSettings(tolerance=1e-12), augmentations=0)
+        solver.solve([Pressure(top, pressure)], steps=1)
+        found.append(body.nodal())
+    nodes = facet_nodes(body.nodes, top)
+    force = body.nodal_forces(body.external_forces([Pressure(top, 0.01)]))[nodes]
+    predicted = solver.compliance(global_dofs(body, nodes).ravel()) @ force.ravel()
+    change = (found[1] - found[0])[nodes].ravel()
+    assert predicted == pytest.approx(change, abs=1e-4 * np.abs(change).max())
 
 
 def test_gap_has_to_close_before_it_carries():

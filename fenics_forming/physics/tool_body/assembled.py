@@ -17,7 +17,7 @@ from ..contact.bodies import BodyContact
 from ..linear import DirectSolver
 from ..parallel import total
 from .body import ToolBody
-from .compliance import global_dofs
+from .compliance import compliance, global_dofs
 from .elastic import set_held_rows
 from .plastic import PlasticSolver, ToolSettings
 
@@ -72,7 +72,7 @@ class AssembledSolver(PlasticSolver):
                 contact.state.gap = np.where(np.isfinite(contact.state.gap), -given.interference, np.inf)
             contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
         self._respond()
-        self._balanced = self._forces
+        self._balanced, self._accepted_tangents = self._forces, self._tangents
         self._touching = None
 
     def _stiffness(self) -> np.ndarray:
@@ -98,6 +98,12 @@ class AssembledSolver(PlasticSolver):
             spent += self._equilibrate(self.force, held, 1.0)
             self._accept(self.force)
         return spent
+
+    def compliance(self, dofs: np.ndarray) -> np.ndarray:
+        """See `compliance.compliance`, by the tangent of the parts and of the contact that is closed now. Collective."""
+        self._tangents = self._accepted_tangents
+        self._factorise_tangent()
+        return compliance(self.body, self._direct, dofs)
 
     # ------------------------------------------------------------------ contact in Newton's iteration
     def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:
