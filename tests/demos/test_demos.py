@@ -14,6 +14,7 @@ from demos import (
     extrusion,
     ring_compression,
     ring_rolling_rotation,
+    riveting,
 )
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
@@ -52,6 +53,15 @@ def test_core_and_sleeve_need_the_force_of_their_bound_and_one_metal_that_of_a_s
     assert (tmp_path / "bimetal.png").stat().st_size > 10_000
     forces = [run.history.rows[-1]["force_upper_N"] for run in runs.values()]
     assert forces[0] < forces[2], "copper is softer than the steel up to the end"
+
+
+def test_the_rivet_fills_its_holes_and_clamps_the_plates(tmp_path, capsys):
+    results = riveting.main(coarse=True, out=tmp_path)
+    assert "the holes are filled" in capsys.readouterr().out
+    assert (tmp_path / "riveting.png").stat().st_size > 10_000
+    end = results.history.rows[-1]
+    assert end["contact_force_lower_upper_N"] > 0.2 * end["force_snap_N"]
+    assert end["max_effective_strain_lower"] < 0.1 * end["max_effective_strain_rivet"], "the plates are the harder metal"
 
 
 def test_the_closed_die_is_filled_and_its_flash_takes_the_rest(tmp_path, capsys):
@@ -97,7 +107,7 @@ def test_the_block_in_space_is_upset_with_new_meshes(tmp_path, capsys):
     assert abs(slender[0] - 1.5) < 0.002 and slender[1] < 1.25
 
 
-DEMOS = [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression]
+DEMOS = [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression, riveting]
 
 
 @pytest.mark.parametrize("demo", DEMOS)
