@@ -88,7 +88,7 @@ def pair_problems(scene):
     planes = {}
     for name, body in _with_shapes(scene):
         for axis in body.symmetry:
-            at = float(body.shape.bounds()[0, scene.axes.index(axis)])
+            at = _mirror(body.shape, scene.axes.index(axis))
             first, place = planes.setdefault(axis, (name, at))
             if abs(at - place) > 1e-6 * _size(body):
                 sentence = f"'{axis}': mirrors the body at {at:g} mm, but '{first}' at {place:g} mm; a scene has one plane"
@@ -108,6 +108,15 @@ def pair_warnings(scene):
         if frozenset((name, other)) not in named and _may_touch(body.shape, second.shape, NEAR * _size(body)):
             yield (f"workpieces.{other}: starts at the surface of '{name}', but no [[contacts]] keeps the two apart: "
                    "they will move through one another")
+
+
+def _mirror(shape, number):
+    """Where a shape is mirrored across an axis: at its low face, a round one through its centre."""
+    if shape.kind == "circle":
+        return float(shape.centre[number])
+    if shape.kind == "cylinder" and abs(shape.axis[number]) < 1e-12:
+        return float(shape.base[number])
+    return float(shape.bounds()[0, number])
 
 
 def _with_shapes(scene):

@@ -153,6 +153,18 @@ def test_what_several_workpieces_cannot_have(change, key, words):
     assert error.value.key == key
 
 
+def test_round_body_and_square_one_may_share_their_mirror_planes():
+    """A cylinder is cut through its centre, a block has its low face there."""
+    tools = {"upper": scene.Tool(shape=scene.Plane(point=(0, 0, 6), normal=(0, 0, -1)),
+                                 drive=laws.SpeedDrive(velocity=(0, 0, -1)))}
+    bodies = {"pin": scene.Workpiece(shape=scene.Cylinder(base=(0, 0, 0), axis=(0, 0, 1), radius=3, height=4),
+                                     material="m", symmetry=["x", "y", "z"]),
+              "cap": scene.Workpiece(shape=scene.Box(from_=(0, 0, 4), to=(4, 4, 6)), material="m", symmetry=["x", "y"])}
+    contact = scene.Contact(between=("pin", "cap"))
+    found = blocks().replaced(geometry="3d", workpieces=bodies, tools=tools, contacts=[contact])
+    assert scene.check(found) == []
+
+
 def test_volume_is_not_given_back_to_several_bodies():
     with pytest.raises(SceneError, match="a single workpiece only"):
         scene.check(blocks().replaced(process=scene.Process(volume_constancy="each_step")))
