@@ -8,7 +8,7 @@ from fenics_forming.physics import meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.remeshing import BodyArrays, Landing, remesh
 from fenics_forming.physics.remeshing.crossing import crossings
-from fenics_forming.physics.remeshing.healing import healed
+from fenics_forming.physics.remeshing.healing import bridged, healed
 from fenics_forming.physics.remeshing.landing import landed
 from fenics_forming.physics.remeshing.quality import overturned, scaled_jacobian
 
@@ -81,6 +81,39 @@ def test_a_body_that_is_tangled_as_a_whole_is_refused():
     x, loop = loop_of(eight)
     with pytest.raises(MeshError, match="crosses itself at"):
         healed(x, loop, np.zeros(len(loop), int))
+
+
+# ---------------------------------------------------------------------- notches
+def wide(points):
+    return np.full(len(points), 0.15)
+
+
+def test_a_notch_narrower_than_the_mesh_is_filled_and_a_wider_one_stays():
+    walls = [(1, 0), (1, 0.2), (0.7, 0.25), (1, 0.3), (1, 0.5), (0.7, 0.6), (1, 0.7), (1, 0.9)]      # 0.1 and 0.2 wide
+    x, loop = loop_of([*SQUARE[0], *walls, *SQUARE[2], *SQUARE[3]])
+    points, mended, kinds, places = bridged(x, loop, np.zeros(len(loop), int), wide)
+    assert is_closed(mended) and len(kinds) == len(mended) == len(loop) - 1
+    assert np.array_equal(places, [[1, 0.25]])
+    assert area(points, mended) == pytest.approx(1 - 0.5 * 0.2 * 0.3, rel=1e-12)
+
+
+def test_edges_fins_and_walls_on_tools_are_no_notches():
+    fin = [(1, 0), (1, 0.2), (1.3, 0.25), (1, 0.3), (1, 0.9)]
+    groove = [(1, 1), (0.6, 1), (0.6, 0.9), (0.5, 0.9), (0.5, 1)]       # pressed: the tool has made it
+    x, loop = loop_of([*SQUARE[0], *fin, *groove, *SQUARE[3]])
+    labels = np.where(x[loop[:, 2], 1] > 0.85, 1, 0)
+    points, mended, _, places = bridged(x, loop, labels, wide)
+    assert points is x and mended is loop and places == []
+
+
+def test_the_undercut_of_a_lip_below_a_tool_is_filled():
+    """The free surface runs back below the end of the contact: a wedge that cells would have to fill."""
+    lip = [(1, 0), (1, 0.93), (0.95, 0.97), (1, 1), (0.5, 1)]
+    x, loop = loop_of([*SQUARE[0], *lip, *SQUARE[3]])
+    labels = np.where(x[loop[:, 2], 1] == 1, 1, 0)
+    points, mended, kinds, places = bridged(x, loop, labels, wide)
+    assert len(places) == 1 and area(points, mended) == pytest.approx(1, rel=1e-12)
+    assert (points[mended[kinds == 1], 1] == 1).all()
 
 
 # ---------------------------------------------------------------------- inverted cells

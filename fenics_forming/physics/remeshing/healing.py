@@ -1,4 +1,4 @@
-"""Folds of a plane boundary: where it crosses itself, the loop beyond the crossing is cut off.
+"""Folds of a plane boundary: where it crosses itself, the loop beyond the crossing is cut off; narrow notches are filled.
 
 A free surface that folds and overlaps itself would press on itself; self-contact is not modelled, and no engine can mesh
 a boundary that crosses itself. So the two walls are joined where they cross, and the overlap is lost (to be given back by
@@ -14,6 +14,9 @@ from .crossing import crossings
 
 MOST = 0.2          # of the length of a loop of the boundary: a longer one is no fold, the body itself is tangled
 ATTEMPTS = 50       # folds of one loop
+TINY = 1e-9         # of the mouth
+DEEP = 1.5          # way around a notch over its mouth; around a corner of 90° it is 1.41
+SPAN = 40           # sides of a notch at most
 SHORTEST = 0.1      # of the mean side: a piece of side up to the crossing that is shorter is left out
 
 
@@ -56,6 +59,50 @@ def _shortest_fold(x, loop):
         raise MeshError(f"the body could not be meshed anew: its boundary crosses itself at ({place}) mm")
     first, last = (i[k], j[k]) if between[k] <= around[k] else (j[k], i[k])
     return int(first) // 2, int(last) // 2, _meeting(a[first], b[first], a[last], b[last])
+
+
+def bridged(x: np.ndarray, loop: np.ndarray, labels: np.ndarray, detail
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
+    """The same without notches of the free surface whose mouth is narrower than ``detail``, a function of points in mm.
+
+    No mesh of that fineness follows them; a straight side across the mouth takes the place of their walls. So do the
+    acute edges of lips below a tool go. The last of the four are the places of the mouths, mm.
+    """
+    places = []
+    for _ in range(ATTEMPTS):
+        found = _deepest_notch(x, loop, labels, detail)
+        if found is None:
+            break
+        first, count = found
+        inside = (first + np.arange(count)) % len(loop)
+        begin, finish = loop[inside[0], 0], loop[inside[-1], 1]
+        kept = (inside[-1] + 1 + np.arange(len(loop) - count)) % len(loop)
+        middle = 0.5 * (x[begin] + x[finish])
+        places.append(middle)
+        loop = np.concatenate([loop[kept], np.array([[begin, finish, len(x)]], dtype=loop.dtype)])
+        x, labels = np.concatenate([x, middle[None]]), np.append(labels[kept], labels[first])
+    return x, loop, labels, places
+
+
+def _deepest_notch(x, loop, labels, detail):
+    """First side and number of sides of the notch with the longest way around more than across; None."""
+    start, middle = x[loop[:, 0]], x[loop[:, 2]]
+    length = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(x[loop[:, 1]] - middle, axis=1)
+    mouth, number = detail(start), np.arange(len(loop))
+    free, way_around, most, best = labels == 0, length.copy(), 0.0, None
+    for count in range(2, min(SPAN, len(loop) // 2)):
+        last = (number + count - 1) % len(loop)
+        free, way_around = free & (labels[last] == 0), way_around + length[last]
+        across = x[loop[last, 1]] - start
+        width = np.linalg.norm(across, axis=1)
+        gain = way_around - width
+        found = free & (width < mouth) & (way_around > DEEP * width) & (way_around < MOST * length.sum()) & (gain > most)
+        for k in np.flatnonzero(found)[np.argsort(-gain[found], kind="stable")]:
+            walls = x[loop[(k + np.arange(count)) % len(loop)]][:, 1:].reshape(-1, 2) - start[k]
+            if gain[k] > most and (across[k, 0] * walls[:, 1] - across[k, 1] * walls[:, 0] >= -TINY * width[k] ** 2).all():
+                most, best = float(gain[k]), (int(k), count)
+                break
+    return best
 
 
 def _meeting(a, b, p, q):

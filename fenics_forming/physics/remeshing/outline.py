@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import MeshError
 from .body_arrays import BodyArrays
-from .healing import healed
+from .healing import bridged, healed
 from .landing import Landing, landed
 
 ROUNDING = 1e-12       # of the body: a mirror plane so near to the origin goes through it
@@ -34,7 +34,7 @@ class Chain:
 
 def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: Landing | None = None,
           detail=None) -> tuple[list[list[Chain]], list[str]]:
-    """The closed loops of the boundary, free of folds and landed on the tools, each cut into its chains; what that changed.
+    """The closed loops of the boundary, mended and landed on the tools, each cut into its chains; what that changed.
 
     A chain ends where the label changes and where the sides turn by more than `corner_angle` (degrees), measured
     between the end tangents of their parabolas; of two corners closer to each other along the boundary than ``detail``,
@@ -52,6 +52,9 @@ def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: La
         loop[turned, :2] = loop[turned, 1::-1]
         points, loop, kinds, folds = healed(x, loop, labels[numbers])
         changes += [f"a fold at ({_words(place)}) mm cut off" for place in folds]
+        if detail is not None:
+            points, loop, kinds, notches = bridged(points, loop, kinds, detail)
+            changes += [f"a notch at ({_words(place)}) mm filled" for place in notches]
         if landing is not None:
             points, loop, kinds = landed(points, loop, kinds, landing)
         found.append(_chains(points, loop, kinds, corner_angle, len(x), detail))
