@@ -198,7 +198,7 @@ class Simulation:
         finally:
             if why is not None:
                 doubts = recorder.doubts()
-                recorder.finish(state, why, [*self.warnings, *doubts])
+                recorder.finish(stepper.renewed or state, why, [*self.warnings, *doubts])
                 for doubt in doubts:
                     observer.note(f"warning: {doubt}")
         results = recorder.results()

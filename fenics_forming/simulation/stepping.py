@@ -34,6 +34,7 @@ class Stepper:
     body : on its present mesh
     scheme, choice : how nodes are moved, how long steps are
     solves : velocity solves so far
+    renewed : in a step, the state at its start where the body has moved to a new mesh since; else None
     """
 
     def __init__(self, scene: Scene, body: FlowingBody, stops: Stops, *, keeper, volume_ledger, force: Callable[[], float],
@@ -41,6 +42,7 @@ class Stepper:
         self.scene, self.body, self.stops, self.keeper = scene, body, stops, keeper
         self._volume_ledger, self._force, self._on_new_mesh = volume_ledger, force, on_new_mesh
         self.scheme, self.choice, self.solves = scheme_of(scene.shifting), stops.step_choice(), 1
+        self.renewed: State | None = None
 
     def first(self) -> State:
         """The state at the start, with the flow there."""
@@ -83,6 +85,7 @@ class Stepper:
                 continue
             self.choice.succeeded(error, body.size, body.landing_share())
             self.solves += solves
+            self.renewed = None
             return reached, reason
 
     def on_a_fit_mesh(self, state: State, observer) -> State:
@@ -105,7 +108,8 @@ class Stepper:
         self._volume_ledger.book(self.keeper.records[-1].volume)
         self._on_new_mesh()
         observer.note(f"step {state.step}: new mesh, {self.keeper.records[-1]}")
-        return replace(state, history=history, flow=flow)
+        self.renewed = replace(state, history=history, flow=flow)
+        return self.renewed
 
     def _watched(self) -> list[tuple[float, float, float]]:
         return self.stops.watched(self.body, self._force() if self.scene.stop.force is not None else 0.0)

@@ -10,6 +10,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming import cli
+from fenics_forming.process.integration import Midpoint
 from fenics_forming.results import Results
 from fenics_forming.simulation import Simulation
 from fenics_forming.simulation.stepping import Stepper
@@ -110,6 +111,25 @@ def test_inverted_cells_end_the_run_with_all_results(text, changes, tmp_path):
     assert again.failure is not None, "resumed it fails again, where it failed"
     steps = again.results.history.column("step")
     assert (np.diff(steps) == 1).all()
+
+
+def test_a_step_that_fails_on_a_new_mesh_too_leaves_the_state_on_that_mesh(tmp_path, monkeypatch):
+    """The mesh is renewed where a step fails. What is written then, and gone on from, belongs to the new mesh."""
+    def advance(self, body, start, time, history, dt):
+        if time > 0.65:
+            raise ff.ConvergenceError("this step is not to converge", advice="let it converge")
+        return whole_step(self, body, start, time, history, dt)
+
+    whole_step = Midpoint.advance
+    monkeypatch.setattr(Midpoint, "advance", advance)
+    changes = ("workpieces.block.remesh=true", "steps.stroke=0.1", "stop.stroke=1", "workpieces.block.temperature=20",
+               "materials.lead.flow_stress={ law = 'hensel_spittel', A = 100, m1 = -0.001 }")
+    outcome = run(BLOCK, tmp_path, *changes)
+    assert "fails however short it is" in str(outcome.failure)
+    assert any("new mesh" in note for note in outcome.heard.notes)
+    monkeypatch.undo()
+    again = run(BLOCK, tmp_path, *changes, resume=True)
+    assert again.failure is None and again.last["stroke_upper_mm"] == pytest.approx(1.0)
 
 
 def test_failed_run_has_exit_code_1_and_says_why_once(tmp_path, capsys):
