@@ -194,7 +194,9 @@ def test_a_lip_lands_up_to_its_tip_only():
     points, mended, kinds = landed(x, loop, labels, LANDING)
     held = points[mended[kinds == 1][:, :2]].reshape(-1, 2)
     assert held[:, 0].max() == 2.3 and is_closed(mended) and not crosses(points, mended)
-    assert [2.25, 0.985] in points[mended[kinds == 0][:, 1]].tolist()
+    free = mended[kinds == 0]
+    assert [2.25, 0.985] not in points[free[:, 1]].tolist(), "what lies behind the tip is bridged as far as a mesh resolves"
+    assert [2.2, 0.9] in points[free[:, 0]].tolist() or [2.2, 0.9] in points[free[:, 1]].tolist()
 
 
 def test_a_crumpled_pocket_is_laid_flat():

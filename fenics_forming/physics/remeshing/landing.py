@@ -60,7 +60,30 @@ def _on_tool(x, loop, labels, label, gap, landing):
             taken[np.append(run, first)] = True
     if not (taken & ~held).any():
         return x, loop, labels
+    for edge, step in _landed_ends(taken, held):
+        keep[_undercut(x[knots], at[edge], along[edge], (half == 0) & ~taken, edge, step, landing.mouth)] = False
     return _rebuilt(x, loop, labels, label, taken, keep, at)
+
+
+def _landed_ends(taken, held) -> list[tuple[int, int]]:
+    """Knots at which what has newly landed ends, and the step, 1 or -1, to the next knot outside."""
+    new, count = taken & ~held, len(taken)
+    return [((k + 1) % count, 1) for k in np.flatnonzero(new & ~np.roll(taken, -1)).tolist()] + \
+        [(k, -1) for k in np.flatnonzero(new & ~np.roll(taken, 1)).tolist()]
+
+
+def _undercut(x, edge_at, along, free, edge, step, mouth) -> list[int]:
+    """Knots next to a landed edge that lie behind it, below the tool, within what a mesh resolves: cells would have to fill
+    an acute wedge."""
+    found, width = [], mouth(edge_at[None])[0]
+    for k in range(1, len(x)):
+        knot = (edge + step * k) % len(x)
+        beyond = (edge + step * k - (step < 0)) % len(x)       # the half side outside that knot
+        behind = step * ((x[knot] - edge_at) @ along) < 0.0
+        if not (free[beyond] and behind and np.linalg.norm(x[knot] - edge_at) < width):
+            break
+        found.append(knot)
+    return found
 
 
 def _joined(free: np.ndarray, held: np.ndarray, touching: np.ndarray) -> np.ndarray:
@@ -125,7 +148,8 @@ def _rebuilt(x, loop, labels, label, taken, keep, at):
             continue
         a, b = knots[k], knots[following[k]]
         sides.append((a, b, count + len(fresh)))
-        fresh.append(0.5 * (x[a] + x[b]) if half[k] == label else _quarter(x, loop[k // 2], k % 2))
+        straight = half[k] == label or following[k] != (k + 1) % len(knots)
+        fresh.append(0.5 * (x[a] + x[b]) if straight else _quarter(x, loop[k // 2], k % 2))
         kinds.append(half[k])
     return (np.concatenate([x, np.reshape(fresh, (-1, 2))]), np.array(sides, dtype=loop.dtype),
             np.array(kinds, dtype=labels.dtype))
