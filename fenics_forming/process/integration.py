@@ -127,7 +127,10 @@ class Rotation(Explicit):
 
 
 class Etd2(Scheme):
-    """The exponential shift; second order, exact for rigid rotation, one solve a step."""
+    """The exponential shift; second order, exact for rigid rotation, one solve a step.
+
+    The first step knows of no step before, from which the unsteady part would follow: it solves once more, half-way.
+    """
 
     name = "etd2"
     look_ahead = 1.0
@@ -155,14 +158,25 @@ class Etd2(Scheme):
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x, gradient = body.x.copy(), body.velocity_gradient()
-        body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, self._memory)
-        parts = [(dt, start.rates)]
-        if self._memory is not None:   # the rates of the same material points: Adams-Bashforth
-            change = 0.5 * dt**2 / self._memory.dt
-            parts = [(dt + change, start.rates), (-change, self._rates)]
+        memory, rates, middle = self._memory, self._rates, None
+        if memory is None:      # half a step ahead instead of a step back
+            middle = self._half_way(body, start, time, history, dt, x, gradient)
+            memory = shifting.FlowMemory(middle.velocity, body.velocity_gradient(), body.x.copy(), -dt / 2)
+            rates = middle.rates
+        body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, memory)
+        change = 0.5 * dt**2 / memory.dt      # the rates of the same material points: Adams-Bashforth
+        parts = [(dt + change, start.rates), (-change, rates)]
         self._memory, self._rates = shifting.FlowMemory(start.velocity, gradient, x, dt), start.rates
         body.place(time + dt)
-        return StepEnd(advanced(history, *parts), 0, 0, None, np.inf)
+        spent, solves = (0, 0) if middle is None else (middle.iterations, 1)
+        return StepEnd(advanced(history, *parts), spent, solves, None, np.inf)
+
+    def _half_way(self, body: Body, start: Flow, time: float, history: dict, dt: float, x, gradient) -> Flow:
+        """The flow in the middle of the step; leaves the body there."""
+        gaps = body.gaps()
+        body.x[:] = shifting.etd2(x, start.velocity, gradient, dt / 2)
+        body.place(time + dt / 2)
+        return body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt, gaps=gaps)
 
 
 class Midpoint(Scheme):

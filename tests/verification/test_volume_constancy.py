@@ -53,7 +53,7 @@ def test_restored_volume_is_kept_to_rounding_in_every_step(scheme, friction):
 @pytest.mark.parametrize(("scheme", "loss"), [("explicit", 1.106e-2), ("etd2", 2.2e-4), ("midpoint", 6.5e-5)])
 def test_integration_in_time_loses_what_its_law_says(scheme, loss):
     """REFERENCES 2.1 for h = 10 to 4 mm in 60 steps, with the discrete law of the explicit and the midpoint scheme; of
-    etd2 what notes/remeshing 5 found in a prescribed flow, -2.7e-4, of which the first step without memory is a part."""
+    etd2 what notes/remeshing 5 found in a prescribed flow, -2.7e-4, less what a first step without memory had in that."""
     height, travel, volume = 10.0, 0.1, 1.0
     for _ in range(60):
         d = travel / height
@@ -65,7 +65,7 @@ def test_integration_in_time_loses_what_its_law_says(scheme, loss):
     causes = by_cause(results)
     assert causes["given back"] == 0 and sum(causes.values()) == pytest.approx(error[-1], abs=1e-15)
     assert causes["integration"] == pytest.approx(-loss, rel=0.02)
-    assert abs(causes["integration"]) < 3e-4 or scheme == "explicit"
+    assert abs(error[-1]) < 3e-4 or scheme == "explicit"
     if scheme != "etd2":
         # penalty contact lets the platen sink in by 1e-6 of the height
         assert error[-1] == pytest.approx(volume - 1, rel=5e-3)
