@@ -218,7 +218,8 @@ def peak(centre, width):
 # Width 0.165 makes plain linear interpolation lose what notes/remeshing.md 3 has in its row "P1 linear": here it keeps
 # .74 | .90 | .98 of the peak (error 2.0e-1 | 6.7e-2 | 1.6e-2), there .77 | .915 | .975 (2.3e-1 | 7.1e-2 | 1.7e-2).
 @pytest.mark.parametrize(("size", "kept", "error"), [(0.067, 0.91, 5.5e-2), (0.031, 0.985, 4.7e-3),
-                                                    pytest.param(0.0152, 0.996, 4.2e-4, marks=pytest.mark.long)])
+                                                    pytest.param(0.0152, 0.997, 4.2e-4, marks=[
+                                                        pytest.mark.long, pytest.mark.xfail(reason=".9966", strict=True)])])
 def test_ten_transfers_keep_a_peak(size, kept, error):
     """1.2k | 5.7k | 23k triangles and meshes of 0.75 times as many: measured .913/4.4e-2, .990/3.7e-3, .9966/4.0e-4; the
     notes have .94/5.5e-2, .985/4.7e-3, .997/3.5e-4."""
