@@ -11,6 +11,7 @@ from ..physics.contact.rigid import RigidContact, ToolMotion
 from ..physics.newton import FlowSolver
 from ..physics.parallel import highest, lowest, total
 from ..physics.workpiece import Workpiece
+from .approach import NEAR, time_to_contact
 from .frozen import FrozenField
 from .integration import Flow
 from .shifting import put_on_tools
@@ -176,23 +177,14 @@ class FlowingBody:
         """
         if self.contact is None or self._flows_by_itself:
             return True
-        touch, size = self.time_to_contact(dt), 1e-6 * self.size
+        touch, size = self.time_to_contact(dt), NEAR * self.size
         turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
         pushed = touch <= 1e-9 * dt if self.workpiece.is_cold else touch < dt
         return pushed or highest(self.nodes.comm, float(turns)) > 0
 
     def time_to_contact(self, horizon: float) -> float:
-        """Time until the first tool touches a body at rest, s; 0 where one touches already."""
-        first = horizon
-        for tool in self.tools:
-            closing = np.einsum("pi,pi->p", tool.state.tool_velocity, tool.state.normal)
-            near = tool.state.gap <= 1e-6 * self.size
-            coming = closing > 1e-9 * self.speed
-            if (near & coming).any():
-                first = 0.0
-            elif coming.any():
-                first = min(first, float((tool.state.gap[coming] / closing[coming]).min()))
-        return max(lowest(self.nodes.comm, first), 0.0)
+        """Time until the first tool touches the body, s; 0 where one touches already. Collective."""
+        return time_to_contact(self, horizon)
 
     # ------------------------------------------------------------------ flow
     def height(self) -> float:
@@ -238,7 +230,7 @@ class FlowingBody:
         tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
-                                      step=tied, temperature=self._temperature, touching=1e-6 * self.size)
+                                      step=tied, temperature=self._temperature, touching=NEAR * self.size)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
@@ -275,7 +267,7 @@ class FlowingBody:
         if self.contact is None:
             return failure
         pushes = {t.name: self.contact.facets.integral(
-            (t.state.gap <= 1e-6 * self.size)[:, None] * t.state.normal * self.contact.weights[:, None])
+            (t.state.gap <= NEAR * self.size)[:, None] * t.state.normal * self.contact.weights[:, None])
             for t in self.tools}
         pushes = {name: push for name, push in pushes.items() if np.any(push != 0)}
         held = {c.component for c in self.workpiece.fixed}
