@@ -3,7 +3,7 @@
 from .damage import CockcroftLatham, Damage, DamageLaw
 from .described import Described, one_of
 from .elasticity import Elasticity
-from .equipment import Drive, DriveLaw, RotationDrive, SpeedDrive, Spin, TableDrive
+from .equipment import CrankPressDrive, Drive, DriveLaw, HydraulicDrive, RotationDrive, SpeedDrive, Spin, TableDrive
 from .flow_stress import (
     RATE_FLOOR,
     SHEAR,
@@ -46,6 +46,7 @@ __all__ = [
     "CockcroftLatham",
     "Constant",
     "Coulomb",
+    "CrankPressDrive",
     "Damage",
     "DamageLaw",
     "Described",
@@ -58,6 +59,7 @@ __all__ = [
     "FrictionLaw",
     "HenselSpittel",
     "Hollomon",
+    "HydraulicDrive",
     "JohnsonCook",
     "Levanov",
     "Linear",

@@ -142,6 +142,9 @@ def _step_problems(scene):
 
 def _size_problems(scene, drive, name):
     steps, stop = scene.steps, scene.stop
+    if stop.dead_centre and drive.dead_centre_time is None:
+        sentence = f"the drive '{drive.kind}' of the tool '{name}' has no dead centre; expected a crank_press"
+        yield SceneError(sentence, key="stop.dead_centre", got=drive.kind, allowed="the drive 'crank_press'")
     for key in ("stroke", "time"):
         size, end = getattr(steps, key), getattr(stop, key)
         if size is not None and end is not None and size > end:
@@ -150,7 +153,7 @@ def _size_problems(scene, drive, name):
     only_stroke = stop.time is None and stop.force is None and stop.height is None
     if stop.stroke is not None and only_stroke and math.isinf(drive.time_of_travel(stop.stroke)):
         reach = drive.travel(1e30)
-        sentence = f"{stop.stroke:g} mm is never reached: the table of the tool '{name}' ends after {reach:g} mm"
+        sentence = f"{stop.stroke:g} mm is never reached: the tool '{name}' comes to rest after {reach:g} mm"
         yield SceneError(sentence, key="stop.stroke", got=stop.stroke, allowed=f"at most {reach:g}")
     for stroke in scene.output.strokes:
         if stop.stroke is not None and stroke > stop.stroke:

@@ -198,7 +198,7 @@ class Scene(Described):
     contacts: Contacts = ()
     process: Process = Process()
     steps: Steps = Field(description="a table with 'stroke' or 'time', the size of a step")
-    stop: Stop = Field(description="a table with one of stroke, time, force, height")
+    stop: Stop = Field(description="a table with one of stroke, time, force, height, dead_centre")
     output: Output = Output()
     solver: Solver = Solver()
 

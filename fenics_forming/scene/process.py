@@ -153,16 +153,18 @@ class Stop(Described):
     Parameters
     ----------
     stroke : of the tool that counts in the steps, mm. time : s. force : of that tool, N (N/mm in plane strain).
-    height : extent of the modelled part of the workpiece along the direction of the drive, mm.
+    height : extent of the modelled part of the workpiece along the direction of the drive, mm. dead_centre : true, at the
+    bottom dead centre of a crank press.
     """
 
     stroke: Positive(Length) | None = None
     time: Positive(Time) | None = None
     force: Positive(ForceOrLineForce) | None = None
     height: Positive(Length) | None = None
+    dead_centre: Flag = False
 
     @model_validator(mode="after")
     def _any(self):
-        if all(value is None for value in (self.stroke, self.time, self.force, self.height)):
-            raise at_key("", "is empty; expected at least one of stroke, time, force, height")
+        if not any((self.stroke, self.time, self.force, self.height, self.dead_centre)):
+            raise at_key("", "is empty; expected at least one of stroke, time, force, height, dead_centre")
         return self

@@ -67,6 +67,8 @@ class Stops:
             return f"time {stop.time:g} s reached"
         if stop.force is not None and force >= stop.force * (1 - NEAR_FORCE):
             return f"force {stop.force:g} N reached"
+        if stop.dead_centre and state.time >= drive.dead_centre_time * (1 - 1e-9):
+            return "dead centre reached"
         if stop.height is not None and body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
         end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))
