@@ -10,9 +10,8 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
-from .linear import DirectSolver
+from .direct import DirectSystem
 from .parallel import highest, total
-from .system import CoupledMatrix, SystemMatrix
 from .workpiece import Workpiece
 
 
@@ -48,11 +47,8 @@ class FlowSolver:
         self.workpiece = workpiece
         self.settings = workpiece.settings
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
-        interfaces = workpiece.interfaces
-        self._matrix = SystemMatrix(workpiece.tangent_form) if interfaces is None else \
-            CoupledMatrix(workpiece.tangent_form, interfaces)
+        self.system = DirectSystem(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
-        self._linear: DirectSolver | None = None
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
@@ -108,8 +104,7 @@ class FlowSolver:
     def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:
         """Newton iterations at one regularisation until velocities, forces and power no longer change."""
         body, settings, contact = self.workpiece, self.settings, self.workpiece.contact
-        if body.interfaces is not None and self._matrix.follow(body.conditions):
-            self._linear = None
+        self.system.follow()
         rate = self._start(task, ratio, cold)
         force = self._resultants()
         lifting, force_change = not self._satisfied(), 0.0
@@ -217,22 +212,17 @@ class FlowSolver:
         for part in body.contacts:
             part.silence()
         self._assemble(lifting=False, matrix_only=True)
-        diagonal = self._matrix.petsc.getDiagonal()
-        body.increment.x.petsc_vec.setArray(diagonal.array)
-        body.increment.x.scatter_forward()
-        stiffness = body.increment.x.array[body.velocity_dofs]
-        contact.set_penalty(stiffness.mean(axis=1), body.nodal_areas(), self.settings.penalty_factor,
+        contact.set_penalty(self.system.stiffness().mean(axis=1), body.nodal_areas(), self.settings.penalty_factor,
                             flow_stress)
 
     def _assemble(self, lifting: bool, matrix_only: bool = False):
         start = perf_counter()
         body = self.workpiece
-        self._matrix.assemble(body.conditions)
+        self.system.assemble()
         if not matrix_only:
             self._assemble_residual()
             if lifting:
-                fem_petsc.apply_lifting(self.b, [body.tangent_form], [body.conditions], x0=[body.solution.x.petsc_vec],
-                                        alpha=-1.0)
+                self.system.lift(self.b)
             self.b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             owned = body.fixed_dofs[body.fixed_dofs < body.owned]
             self.b.array[owned] = body.solution.x.array[owned] - body._values.x.array[owned]
@@ -263,11 +253,7 @@ class FlowSolver:
 
     def _linear_solve(self):
         start = perf_counter()
-        if self._linear is None:
-            self._linear = DirectSolver(self._matrix.petsc)
-        self._linear.factorise()
-        self._linear.solve(self.b, self.workpiece.increment.x.petsc_vec)
-        self.workpiece.increment.x.scatter_forward()
+        self.system.solve(self.b)
         self.seconds["linear solve"] += perf_counter() - start
 
     def _satisfied(self) -> bool:

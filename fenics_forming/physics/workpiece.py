@@ -12,6 +12,7 @@ and Stadler, arXiv 2003.11115); it lives here because it is a warm start from on
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix.ufl
 import numpy as np
@@ -174,7 +175,7 @@ class Workpiece:
         self.terms = tuple(terms)
 
         self.residual_form = fem.form(sum(terms.values()), entity_maps=entity_maps)
-        self.tangent_form = fem.form(sum(tangents.values()), entity_maps=entity_maps)
+        self.tangents, self._entity_maps = tangents, entity_maps
         exactly = {"quadrature_degree": kin.dim + (2 if kin.name == "axisymmetric" else 0), "quadrature_rule": "default"}
         self._volume = fem.form(weight * ufl.Measure("dx", domain=mesh, metadata=exactly))
         self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
@@ -185,6 +186,11 @@ class Workpiece:
         u = ufl.split(self.increment)[0]
         self._rate_of_increment = fem.Expression(D(u), points)
         self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
+
+    @cached_property
+    def tangent_form(self) -> fem.Form:
+        """The tangent as one form, compiled where it is asked for: the iterative solver has kernels of its own."""
+        return fem.form(sum(self.tangents.values()), entity_maps=self._entity_maps)
 
     # ------------------------------------------------------------------ numbering and conditions
     def _number_dofs(self):

@@ -84,7 +84,7 @@ def blocks(shift=0.0, **more):
 
 def test_the_matrix_is_made_anew_only_for_pairs_that_it_does_not_hold():
     body = Simulation(blocks()).body
-    interfaces, matrix = body.interfaces, body.solver._matrix
+    interfaces, matrix = body.interfaces, body.solver.system.matrix
     conditions = body.workpiece.conditions
     body.search(0.1)
     assert matrix.follow(conditions) and not matrix.follow(conditions)
@@ -105,7 +105,7 @@ def test_the_matrix_is_made_anew_only_for_pairs_that_it_does_not_hold():
 def test_coupled_matrix_is_the_sum_of_bulk_and_contact():
     """On random vectors; rows of mirror planes stay those of the identity."""
     body = Simulation(blocks(friction=laws.Siebel(factor=0.5))).body
-    work, matrix = body.workpiece, body.solver._matrix
+    work, matrix = body.workpiece, body.solver.system.matrix
     body.solve(0.0, body.new_history(), 0.1)
     matrix.assemble(work.conditions)
     rng = np.random.default_rng(1)

@@ -1,0 +1,53 @@
+"""The linearised flow as one sparse matrix of velocities and pressures, solved by factorisation."""
+
+from __future__ import annotations
+
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from .linear import DirectSolver
+from .system import CoupledMatrix, SystemMatrix
+from .workpiece import Workpiece
+
+
+class DirectSystem:
+    """The tangent of a workpiece, the contact of its bodies included, and its factorisation.
+
+    What the Newton asks of a linear system: :meth:`follow`, :meth:`assemble`, :meth:`lift`, :meth:`stiffness`,
+    :meth:`solve`; ``iterative.system`` is the other one.
+    """
+
+    def __init__(self, workpiece: Workpiece):
+        self._body, interfaces = workpiece, workpiece.interfaces
+        form = workpiece.tangent_form
+        self.matrix = SystemMatrix(form) if interfaces is None else CoupledMatrix(form, interfaces)
+        self._solver: DirectSolver | None = None
+
+    def follow(self) -> None:
+        """Make ready for the present geometry and the present pairs of bodies in contact. Collective."""
+        if self._body.interfaces is not None and self.matrix.follow(self._body.conditions):
+            self._solver = None
+
+    def assemble(self) -> None:
+        """The tangent at the present state; rows and columns of given velocities are those of the identity."""
+        self.matrix.assemble(self._body.conditions)
+
+    def lift(self, b: PETSc.Vec) -> None:
+        """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
+        body = self._body
+        fem_petsc.apply_lifting(b, [body.tangent_form], [body.conditions], x0=[body.solution.x.petsc_vec], alpha=-1.0)
+
+    def stiffness(self):
+        """Diagonal of the velocities, (nodes, dim), N s/mm."""
+        body = self._body
+        body.increment.x.petsc_vec.setArray(self.matrix.petsc.getDiagonal().array)
+        body.increment.x.scatter_forward()
+        return body.increment.x.array[body.velocity_dofs]
+
+    def solve(self, b: PETSc.Vec) -> None:
+        """Factorise, and solve for the increment."""
+        if self._solver is None:
+            self._solver = DirectSolver(self.matrix.petsc)
+        self._solver.factorise()
+        self._solver.solve(b, self._body.increment.x.petsc_vec)
+        self._body.increment.x.scatter_forward()
