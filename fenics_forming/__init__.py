@@ -23,6 +23,7 @@ _HOMES = {
     **dict.fromkeys(("solve_tool", "ToolField", "ToolSettings", "FixedDisplacement", "FixedPoint", "Springs",
                      "PointSprings", "Pressure", "Traction", "BodyForce", "Centrifugal", "NodalForces"),
                     "physics.tool_body"),
+    "library": "laws.library",
     "laws": "laws", "scene": "scene", "meshing": "physics.meshing", "kinematics": "physics.kinematics",
 }
 _MODULES = {"laws", "scene", "meshing", "kinematics"}

@@ -1,4 +1,4 @@
-"""``forming run | check | plot | info``: the command line."""
+"""``forming run | check | plot | materials | info``: the command line."""
 
 from __future__ import annotations
 
@@ -67,6 +67,10 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
     plot.set_defaults(action=_plot)
 
+    materials = commands.add_parser("materials", help="the materials of the library, or one of them with its sources")
+    materials.add_argument("name", nargs="?")
+    materials.set_defaults(action=_materials)
+
     info = commands.add_parser("info", help="versions, laws and shapes; or what a folder of results holds")
     info.add_argument("folder", type=Path, nargs="?")
     info.set_defaults(action=_info)
@@ -120,6 +124,12 @@ def _plot(options) -> int:
     else:
         for path in plot_run(results, options.folder):
             print(path)
+    return 0
+
+
+def _materials(options) -> int:
+    from .laws.library import library
+    print(library(options.name))
     return 0
 
 

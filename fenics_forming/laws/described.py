@@ -206,6 +206,8 @@ def _key(location, values):
             was_tag = True
             continue
         was_tag = False
+        if isinstance(here, dict) and isinstance(step, str) and step != "[key]" and not {step, f"{step}_"} & {*here}:
+            continue                                            # the tag is in the library, not in the user's table
         if step != "[key]":
             words.append(str(step))
         here = _inside(here, step)

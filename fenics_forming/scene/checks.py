@@ -5,6 +5,7 @@ import math
 from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
+from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 
@@ -29,7 +30,8 @@ def check(scene):
         problems += [*placement_problems(scene), *pair_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
-    return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene)]
+    return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
+            *library_warnings(scene)]
 
 
 def _name_problems(scene):
@@ -169,7 +171,7 @@ def _unused(scene):
             continue
         for keys, why in ((_HEAT, "temperatures are not computed"), (_ELASTIC, "elastic strains are not computed")):
             for key in keys:
-                if getattr(material, key) is not None:
+                if material.wrote(key) and getattr(material, key) is not None:
                     yield f"materials.{name}.{key}: has no effect, {why} in this run"
     for name, body in scene.workpieces.items():
         if body.temperature is not None and not scene.materials[body.material].flow_stress.depends_on_temperature:

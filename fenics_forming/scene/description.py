@@ -29,6 +29,7 @@ from ..units import (
     refused,
 )
 from .contacts import Contacts
+from .library import FromLibrary
 from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
 from .process import CountFromOne, Process, Shifting, Steps, Stop
@@ -47,11 +48,12 @@ def _at_least_two(value):
     return value
 
 
-class Material(Described):
+class Material(FromLibrary):
     """What a body is made of.
 
     Parameters
     ----------
+    from_ (key `from`) : name of a material of the library, whose keys hold where no other is given.
     flow_stress : a flow-stress law. damage : a damage law, followed only if given. young, yield_stress, hardening : MPa.
     expansion : 1/K. density : t/mm^3.
     conductivity : mJ/s/mm/K. specific_heat : mJ/t/K. poisson, plastic_heat_fraction : numbers.

@@ -1,0 +1,120 @@
+"""The material library: every file is a material with its sources, and scenes take materials from it by name."""
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+import fenics_forming as ff
+from fenics_forming.cli import main
+from fenics_forming.laws.library import FOLDER, library, names
+from fenics_forming.scene.description import Material
+
+
+def scene(material, temperature=None):
+    """A billet of a material below a platen."""
+    return ff.Scene(
+        geometry="axisymmetric", materials={"m": material},
+        workpieces={"billet": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 15]}, "symmetry": ["z"],
+                               "material": "m", "temperature": temperature}},
+        tools={"upper": {"shape": {"kind": "plane", "point": [0, 15], "normal": [0, -1]},
+                         "drive": {"kind": "speed", "velocity": [0, -1]}}},
+        steps={"stroke": 0.5}, stop={"stroke": 1})
+
+
+def test_the_library_holds_the_common_metals():
+    groups = [entry.group for entry in library().values() if not entry.generic]
+    assert {"steel", "aluminium", "copper", "titanium"} <= set(groups) and len(groups) >= 12
+    assert all(re.fullmatch(r"[A-Za-z0-9_]+", name) for name in names())
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_number_of_a_material_has_a_source_and_every_generic_one_says_so(name):
+    entry = library(name)
+    sourced = [key for source in entry.sources for key in source.of]
+    assert set(entry.material) - {"plastic_heat_fraction"} <= set(sourced) <= set(entry.material)
+    assert len(sourced) == len(set(sourced)), "one source for each key"
+    assert all(len(source.citation) > 20 and source.checked for source in entry.sources)
+    assert entry.generic == name.startswith("generic_")
+    assert entry.generic == any(source.checked == "generic" for source in entry.sources)
+    assert "[[sources]]" in (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", names())
+def test_a_material_is_one_of_a_scene_and_metal_in_its_size(name):
+    """Bounds are those of metals (and of plasticine): a slip of a power of ten or of a unit falls outside."""
+    material = Material(from_=name)
+    assert 1.7e-9 < material.density < 9.1e-9
+    assert material.young is None or 40e3 < material.young < 230e3
+    assert 0.5 < material.conductivity < 420 and 3.5e8 < material.specific_heat < 1.3e9
+    if material.flow_stress is None:
+        return
+    valid = library(name).valid
+    (rate,), (temperature,) = (np.array([np.mean(getattr(valid, key))]) for key in ("rate", "temperature"))
+    strain = np.linspace(max(valid.strain[0], 1e-3), valid.strain[1], 5)
+    stress = material.flow_stress(strain, np.full(5, rate), np.full(5, temperature))
+    assert np.all(stress > (0.05 if library(name).group == "model" else 5)) and np.all(stress < 2500)
+    if library(name).material["flow_stress"]["law"] != "hensel_spittel":
+        assert np.all(np.diff(stress) > 0), "cold metal hardens"
+    if material.flow_stress.depends_on_temperature:
+        cold, hot = (material.flow_stress(strain, 1.0, t) for t in valid.temperature)
+        assert np.all(hot < cold), "and softens with temperature"
+
+
+def test_keys_of_the_user_count_before_those_of_the_library():
+    material = Material(from_="steel_1045", density="7800 kg/m^3", flow_stress={"A": "600 MPa"})
+    plain = Material(from_="steel_1045")
+    assert material.density == pytest.approx(7.8e-9) and material.young == plain.young == 207e3
+    assert material.flow_stress == plain.flow_stress.replaced(A=600), "single parameters of the law"
+    assert material.wrote("density") and not material.wrote("young")
+    other = Material(from_="steel_1045", flow_stress=ff.laws.Constant(value=100))
+    assert other.flow_stress == ff.laws.Constant(value=100)
+    assert material.replaced(density="7700 kg/m^3").flow_stress == material.flow_stress
+
+
+@pytest.mark.parametrize("material", [{"from": "steel_1045"}, {"from": "copper_ofhc", "density": 8.9e-9},
+                                      {"from": "generic_hot_steel", "flow_stress": {"m3": 0.15}}])
+def test_a_scene_with_a_library_material_comes_back_from_its_text(material, tmp_path):
+    written = scene(material, 950)
+    text = written.to_toml()
+    assert set(tomllib.loads(text)["materials"]["m"]) == set(material), "what is in the library stays there"
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    assert ff.read_scene(tmp_path / "scene.toml") == written
+
+
+@pytest.mark.parametrize("material, message", [
+    ({"from": "steel_1054"}, r"materials\.m\.from: .* did you mean 'steel_1045'\?"),
+    ({"from": "unobtainium"}, r"materials\.m\.from: .*`forming materials` lists"),
+    ({"from": 3}, r"materials\.m\.from: 3 is not a text"),
+    ({"from": "steel_1045", "densty": 3}, r"materials\.m\.densty: .* did you mean 'density'\?"),
+    ({"from": "steel_1045", "flow_stress": {"AA": 3}}, r"materials\.m\.flow_stress\.AA: .* did you mean 'A'\?"),
+])
+def test_a_wrong_name_says_which_one_is_near(material, message):
+    with pytest.raises(ff.SceneError, match=message):
+        scene(material)
+
+
+def test_a_body_outside_the_temperatures_of_its_data_is_warned_of_and_other_keys_of_the_library_are_not():
+    hot = ff.check(scene({"from": "steel_1045"}, 1150))
+    assert hot == ["workpieces.billet.temperature: 1150 degC is outside 20 to 600 degC, where the flow stress of "
+                   "'steel_1045' is known"]
+    assert ff.check(scene({"from": "steel_1045"}, 300)) == []
+    assert ff.check(scene({"from": "steel_1045", "flow_stress": {"law": "norton_hoff", "K": 90, "m": 0.1}}, 20))[0] == (
+        "workpieces.billet.temperature: has no effect, the flow stress does not depend on temperature")
+
+
+def test_the_command_line_lists_materials_and_shows_their_sources(capsys):
+    assert main(["materials"]) == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in names()) and max(map(len, listed.splitlines())) <= 80
+    assert main(["materials", "steel_1045"]) == 0
+    assert "Jaspers" in capsys.readouterr().out
+    assert main(["materials", "steel_1054"]) == 2
+    assert "did you mean 'steel_1045'" in capsys.readouterr().err
+
+
+def test_the_library_answers_in_python():
+    assert ff.library("steel_1045").title.startswith("Steel AISI 1045")
+    assert repr(ff.library()).count("\n") == len(names()) - 1
+    assert ff.library("stainless_316L").is_recalled and not ff.library("stainless_304").is_recalled
