@@ -14,7 +14,7 @@ class DirectSystem:
     """The tangent of a workpiece, the contact of its bodies included, and its factorisation.
 
     What the Newton asks of a linear system: :meth:`follow`, :meth:`assemble`, :meth:`lift`, :meth:`stiffness`,
-    :meth:`solve`; ``iterative.system`` is the other one.
+    :meth:`solve`, :meth:`solve_also`; ``iterative.system`` is the other one.
     """
 
     def __init__(self, workpiece: Workpiece):
@@ -43,6 +43,10 @@ class DirectSystem:
         body.increment.x.petsc_vec.setArray(self.matrix.petsc.getDiagonal().array)
         body.increment.x.scatter_forward()
         return body.increment.x.array[body.velocity_dofs]
+
+    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Another right-hand side with the factorisation of the last :meth:`solve`."""
+        self._solver.solve(b, x)
 
     def solve(self, b: PETSc.Vec) -> None:
         """Factorise, and solve for the increment."""

@@ -10,6 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
+from .bordering import border_of
 from .direct import DirectSystem
 from .parallel import highest, total
 from .workpiece import Workpiece
@@ -49,6 +50,7 @@ class FlowSolver:
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
         self.system = DirectSystem(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
+        self.border = None if workpiece.contact is None else border_of(workpiece)
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
@@ -71,6 +73,8 @@ class FlowSolver:
         task = _Task(strain, body.at_points(strain), temperature,
                      None if temperature is None else body.at_points(temperature), characteristic_rate, touching)
         history = []
+        if self.border is not None:
+            self.border.keep()
         if not body.is_cold:
             body.tie_to_last_rate(characteristic_rate, step)
             try:
@@ -92,6 +96,8 @@ class FlowSolver:
     def _from_nothing(self, task: _Task, ladder) -> FlowSolution:
         """The flow from a linear viscous start through the regularisations of the ladder, and once more to take the
         penetration out where contact is augmented."""
+        if self.border is not None:
+            self.border.start_again()
         spent = 0
         for k, ratio in enumerate(ladder):
             found = self._iterate(task, ratio, cold=k == 0)
@@ -112,8 +118,11 @@ class FlowSolver:
             self._assemble(lifting)
             lifting = False
             self._linear_solve()
-            if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0:
-                body.increment.x.array[:] *= 0.5
+            share = 0.5 if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0 else 1.0
+            if share < 1.0:
+                body.increment.x.array[:] *= share
+            if self.border is not None:
+                self.border.advance(share)
             rate = self._advance(task, rate, ratio, first=cold and iteration == 1)
             velocity_change = self._relative_change()
             if not np.isfinite(velocity_change):
@@ -246,6 +255,8 @@ class FlowSolver:
         owned = body.fixed_dofs[body.fixed_dofs < body.owned]
         self.b.array[owned] = 0.0
         power = self.b.dot(body.solution.x.petsc_vec)
+        if self.border is not None:
+            power += self.border.power()
         # a body that is only pushed along has no plastic power; then a fraction of what flowing would take is the scale
         scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
@@ -254,6 +265,8 @@ class FlowSolver:
     def _linear_solve(self):
         start = perf_counter()
         self.system.solve(self.b)
+        if self.border is not None:
+            self.border.solve(self.system)
         self.seconds["linear solve"] += perf_counter() - start
 
     def _satisfied(self) -> bool:

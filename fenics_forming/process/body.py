@@ -74,6 +74,14 @@ class FlowingBody:
         """Put every tool where its drive has it at ``time``."""
         for tool in self.tools:
             tool.motion = motion_of(self._drives.get(tool.name), time, self.nodes.dim)
+            if tool.free is not None:
+                tool.motion = tool.free.moved(tool.motion, time)
+
+    def settle(self, time: float) -> None:
+        """A step has ended at ``time``: what tools have moved by themselves is where their next motions start."""
+        for tool in self.tools:
+            if tool.free is not None:
+                tool.free.settle(time)
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
         """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it; nodes of mirror planes
@@ -155,6 +163,8 @@ class FlowingBody:
             return
         start = perf_counter()
         self.contact.search(self.x, dt)
+        if self.workpiece.is_cold:
+            self.contact.let_go()
         speed = self.tool_speed()
         if speed > 0:
             self.speed = speed
@@ -164,9 +174,9 @@ class FlowingBody:
         self.seconds["contact search"] += perf_counter() - start
 
     def tool_speed(self) -> float:
-        """Greatest speed of a tool at the contact points, mm/s."""
-        fastest = max((float(np.sqrt((t.state.tool_velocity**2).sum(axis=1)).max(initial=0.0)) for t in self.tools),
-                      default=0.0)
+        """Greatest speed of a tool at the contact points, mm/s; of one that yields also that of its drive."""
+        fastest = max((float(np.sqrt((v**2).sum(axis=1)).max(initial=0.0)) for t in self.tools
+                       for v in (t.state.tool_velocity, t.given_velocity)), default=0.0)
         return highest(self.nodes.comm, fastest)
 
     def is_pushed(self, dt: float) -> bool:
@@ -180,6 +190,7 @@ class FlowingBody:
         touch, size = self.time_to_contact(dt), NEAR * self.size
         turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
         pushed = touch <= 1e-9 * dt if self.workpiece.is_cold else touch < dt
+        pushed = pushed or highest(self.nodes.comm, float(self.contact.is_loaded(size))) > 0
         return pushed or highest(self.nodes.comm, float(turns)) > 0
 
     def time_to_contact(self, horizon: float) -> float:
@@ -233,6 +244,8 @@ class FlowingBody:
                                       step=tied, temperature=self._temperature, touching=NEAR * self.size)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
+        if self.solver.border is not None:
+            self.solver.border.found()
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
 
     def _mean_rate(self, characteristic_rate: float) -> float:
@@ -284,6 +297,8 @@ class FlowingBody:
         body.is_cold = True
         for part in body.contacts:
             part.release()
+        if self.contact is not None:
+            self.contact.let_go()
         return Flow(np.zeros_like(self.x), self.new_history(), 0)
 
     @property
@@ -328,7 +343,7 @@ class FlowingBody:
 
     def snapshot(self) -> tuple:
         """Everything that a failed step must give back."""
-        motions = [(t.motion, t.traction) for t in self.tools]
+        motions = [(t.motion, t.traction, None if t.free is None else t.free.memory()) for t in self.tools]
         states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
         return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states
@@ -345,8 +360,10 @@ class FlowingBody:
         w = self.workpiece
         self.x[:] = x
         w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
-        for tool, (motion, traction) in zip(self.tools, motions, strict=True):
+        for tool, (motion, traction, free) in zip(self.tools, motions, strict=True):
             tool.motion, tool.traction = motion, traction
+            if free is not None:
+                tool.free.remember(free)
         for state, arrays in zip(self._states, states, strict=True):
             for name, value in zip(vars(state), arrays, strict=True):
                 setattr(state, name, value.copy())

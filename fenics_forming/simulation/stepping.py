@@ -134,6 +134,7 @@ class Stepper:
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
         end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.history, dt)
+        body.settle(self.choice.end_of(state.time, dt))
         history = end.history if travels or self.keeper is None else hold_corners(body, end.history)
         changes = {} if travels else self._account_for_volume()
         time = self.choice.end_of(state.time, dt)

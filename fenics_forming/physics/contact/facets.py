@@ -36,6 +36,7 @@ class ContactFacets:
     ----------
     facet_nodes : (facets, nodes per facet), the vertices first
     hats : linear shape functions of a facet's vertices at its points, (points per facet, dim)
+    shape : the quadratic ones of all its nodes, (points per facet, nodes per facet)
     count : number of points on this rank
     """
 
@@ -60,7 +61,7 @@ class ContactFacets:
         points, self._reference_weights = basix.make_quadrature(cell, degree)
         element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         table = element.tabulate(1, points)[:, :, :, 0]
-        self._shape, self._gradient = table[0], table[1:]
+        self.shape, self._gradient = table[0], table[1:]
         self.hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
         w = self._reference_weights
         self._projection = self.hats @ np.linalg.solve(self.hats.T @ (w[:, None] * self.hats), self.hats.T * w)
@@ -102,9 +103,9 @@ class ContactFacets:
         """Values at the integration points of a nodal field (nodes[, k]) → (points[, k])."""
         values = nodal[self.facet_nodes]
         if nodal.ndim == 1:
-            return (values @ self._shape.T).ravel()
+            return (values @ self.shape.T).ravel()
         columns = values.reshape(*values.shape[:2], int(np.prod(nodal.shape[1:])))     # also of a rank without facets
-        return np.matmul(self._shape, columns).reshape((self.count, *nodal.shape[1:]))
+        return np.matmul(self.shape, columns).reshape((self.count, *nodal.shape[1:]))
 
     def weights(self) -> np.ndarray:
         """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from . import point_law as law
 from .facets import ContactFacets
+from .free_motions import FreeMotions
 
 
 @dataclass
@@ -59,6 +60,10 @@ class ToolMotion:
             return v + self.angular_velocity * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         return v + self.angular_velocity * np.cross(self.axis / np.linalg.norm(self.axis), arm)
 
+    def spin_at(self, points: np.ndarray) -> np.ndarray:
+        """Velocity of the tool's material at points in space per unit angular velocity, (n, dim), mm."""
+        return replace(self, velocity=np.zeros_like(self.velocity), angular_velocity=1.0).velocity_at(points)
+
     def torque(self, points: np.ndarray, forces: np.ndarray) -> float:
         """Moment about the axis of rotation of forces (n, dim) at points, N mm."""
         arm = points - (self.centre + self.displacement)
@@ -74,14 +79,18 @@ class KnownTool:
     surface : closest point and normal, in the tool's own frame (``surfaces.py``)
     friction : a law of ``laws.friction`` or None
     motion : where it is now; the controller replaces it
+    free : motions that the solve finds (``free_motions``), or None
     """
 
     name: str
     surface: object
     friction: object | None = None
     motion: ToolMotion | None = None
+    free: FreeMotions | None = None
     state: law.PointState | None = field(default=None, repr=False)
     traction: np.ndarray | None = field(default=None, repr=False)
+    tangent: np.ndarray | None = field(default=None, repr=False)
+    given_velocity: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def has_friction(self) -> bool:
@@ -118,6 +127,7 @@ class RigidContact:
         for tool in self.tools:
             tool.state = law.PointState.at_rest(self.facets.count, self.facets.dim)
             tool.traction = np.zeros((self.facets.count, self.facets.dim))
+            tool.tangent = np.zeros((self.facets.count, self.facets.dim, self.facets.dim))
 
     def rebuild_stress(self) -> None:
         """Forget the friction stresses and multipliers: the next solve starts from nothing."""
@@ -132,7 +142,7 @@ class RigidContact:
         for tool in self.tools:
             tool.state.pressure[:] = tool.state.grip[:] = 0.0
             tool.state.active[:] = False
-            tool.traction = np.zeros_like(tool.traction)
+            tool.traction, tool.tangent = np.zeros_like(tool.traction), np.zeros_like(tool.tangent)
         self.silence()
 
     def memory(self) -> dict[str, np.ndarray]:
@@ -199,7 +209,27 @@ class RigidContact:
         self.weights = self.facets.weights()
         for tool in self.tools:
             tool.state.gap, tool.state.normal = tool.gap(self.points)
-            tool.state.tool_velocity = tool.motion.velocity_at(self.points)
+            tool.state.tool_velocity = tool.given_velocity = tool.motion.velocity_at(self.points)
+            if tool.free is not None:
+                tool.free.search(self.points, tool.motion)
+                tool.free.prepare(dt)
+                tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
+
+    def let_go(self) -> None:
+        """Tools move by themselves as they do where no body opposes them; on the closest points of the last search."""
+        for tool in self.tools:
+            if tool.free is not None and tool.free.basis is not None:
+                tool.free.rate = tool.free.unopposed()
+                tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
+
+    def is_loaded(self, touching: float) -> bool:
+        """Whether a tool that yields would come nearer where it touches, if nothing opposed it: on this rank."""
+        for tool in (t for t in self.tools if t.free is not None):
+            coming = tool.given_velocity + tool.free.velocities(tool.free.unopposed())
+            closing = np.einsum("pi,pi->p", coming, tool.state.normal)
+            if ((tool.state.gap <= touching) & (closing > 1e-9 * self._speed)).any():
+                return True
+        return False
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
                 slip0: float | None = None, again: bool = False) -> None:
@@ -216,6 +246,8 @@ class RigidContact:
         tangent = np.zeros((self.facets.count, self.facets.dim, self.facets.dim))
         for tool in self.tools:
             state = tool.state
+            if tool.free is not None:
+                state.tool_velocity = tool.given_velocity + tool.free.velocities()
             closed = None if touching is None else state.gap <= touching
             before = state.active
             law.normal_pressure(state, v, self.coefficient, self.dt, closed)
@@ -227,7 +259,7 @@ class RigidContact:
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)
                 t, k = t + ft, k + fk
-            tool.traction = t
+            tool.traction, tool.tangent = t, k
             traction += t
             tangent += k
         self.facets.set_traction(traction, tangent)

@@ -1,0 +1,138 @@
+r"""Motions of a tool that the velocity solve finds, beside those that its drive gives: press frames, free rolls, rams.
+
+With the given velocity of the tool's surface :math:`V_q` and the unknown rates :math:`a`,
+
+.. math:: v_t(x) = V_q(x) + \Phi(x)\,a ,\qquad M\dot a + K u = f - \int \Phi^T t\,d\Gamma ,\qquad \dot u = a ,
+
+t the traction of the tool on the body.  The rates of a solve are means over its horizon :math:`\tau`, from the state
+:math:`u_0, w_0` that was last settled: :math:`(2M/\tau)(a-w_0)+K(u_0+\theta\tau a)=f-Q`, :math:`Q=\int\Phi^Tt`.  With a
+mass :math:`\theta=1/2` keeps energy.  Without, u follows the force; :math:`\theta=1` takes it there in one step, but with the
+force on the geometry of the solve, half a step before the end in the midpoint scheme.  So where the force goes on
+smoothly the Q at the end is that of the solve and of the start of the step, extrapolated: second order, and no ringing, as
+the rule :math:`\theta=1/2` would have, since nothing of :math:`u_0` is left in :math:`u_1`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+SMOOTH = 0.2     # change of the reaction, relative, from the settled state to the first solve, up to which it is extrapolated
+
+
+class FreeMotions:
+    """State and resistance of n unknown motions of one tool; the shapes of the motions are those of a subclass.
+
+    Parameters
+    ----------
+    count : n · stiffness : (n, n), (n,) or number, N/mm (N mm of a rotation) · mass : (n,) or number, t (t mm²)
+
+    Attributes
+    ----------
+    rate : (n,) mm/s or rad/s, found by the solve and the start of the next · force : (n,) N or N mm, given
+    displacement, velocity : (n,) at the time ``since``, s · horizon : of the last solve, s · now : its time, s
+    reaction : (n,) N, Q of the solve at ``since``, to extrapolate from; None where it does not go on smoothly
+    basis : (points · dim, n) the motions at the contact points
+    resistance, load : (n, n) and (n,) of the next solve: resistance · rate = load - reaction of the body
+    """
+
+    def __init__(self, count: int, *, stiffness=0.0, mass=0.0, force=0.0, velocity=0.0):
+        stiffness = np.asarray(stiffness, float)
+        self.stiffness = stiffness if stiffness.ndim == 2 else np.diag(np.broadcast_to(stiffness, count))
+        self.mass, self.force = (np.broadcast_to(np.asarray(a, float), count).copy() for a in (mass, force))
+        self.velocity = np.broadcast_to(np.asarray(velocity, float), count).copy()
+        self.displacement, self.rate = np.zeros(count), self.velocity.copy()
+        self.since, self.now, self.horizon, self.count = 0.0, 0.0, 1.0, count
+        self.reaction: np.ndarray | None = None
+        self._implicit = 0.5 if self.mass.any() else 1.0
+        self.basis = None
+
+    # ------------------------------------------------------------------ in time
+    def at(self, time: float) -> np.ndarray:
+        """Displacements with the present rates at a time, (n,); before ``since`` those of then."""
+        return self.displacement + max(time - self.since, 0.0) * self.rate
+
+    def settle(self, time: float) -> None:
+        """What the rates have made of the state at ``time`` is what the next solves start from."""
+        self.displacement = self.at(time)
+        with_mass = self.mass > 0
+        self.velocity = np.where(with_mass, self.velocity + 2 * (time - self.since) / self.horizon *
+                                 (self.rate - self.velocity), self.rate)
+        self.since, self.reaction = time, None
+
+    def prepare(self, horizon: float) -> None:
+        """Resistance and load of a solve whose rates hold for ``horizon``, s, from the settled state on."""
+        self.horizon, inertia = horizon, 2 * self.mass / horizon
+        self.resistance = self._implicit * horizon * self.stiffness + np.diag(inertia)
+        self.load = self.force - self.stiffness @ self.displacement + inertia * self.velocity
+        passed = self.now - self.since
+        if self.reaction is not None and 1e-9 * horizon < passed < horizon:
+            more = horizon / passed - 1.0       # Q at the end: (1 + more) Q now - more Q at the start
+            self.resistance = self.resistance / (1.0 + more)
+            self.load = (self.load + more * self.reaction) / (1.0 + more)
+
+    def found(self, reaction: np.ndarray) -> None:
+        """A solve has converged with this reaction of the body, Q (n,), N."""
+        if self.now > self.since or self.mass.any():
+            return
+        change = self.stiffness @ (self.rate * self.horizon)
+        smooth = np.linalg.norm(change) <= SMOOTH * np.linalg.norm(reaction)
+        self.reaction = reaction if smooth else None
+
+    def unopposed(self) -> np.ndarray:
+        """Rates over the prepared horizon where no body opposes them, (n,); the present ones of what nothing resists."""
+        return self.rate + np.linalg.pinv(self.resistance) @ (self.load - self.resistance @ self.rate)
+
+    def velocities(self, rate: np.ndarray | None = None) -> np.ndarray:
+        """Of the tool's surface by these motions at the contact points, (points, dim), mm/s."""
+        dim = self._dim
+        return np.asarray(self.basis @ (self.rate if rate is None else rate)).reshape(-1, dim)
+
+    # ------------------------------------------------------------------ going back
+    def memory(self) -> dict[str, np.ndarray | float]:
+        """The state, to give back to :meth:`remember` or to write to a checkpoint."""
+        return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy(), "rate": self.rate.copy(),
+                "force": self.force.copy(), "since": self.since, "now": self.now, "horizon": self.horizon,
+                "reaction": self.reaction}
+
+    def remember(self, memory) -> None:
+        """Take over what :meth:`memory` gave."""
+        for name in ("displacement", "velocity", "rate", "force"):
+            setattr(self, name, np.array(memory[name], float))
+        self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
+        self.reaction = None if memory["reaction"] is None else np.array(memory["reaction"], float)
+
+
+class RigidMotions(FreeMotions):
+    """Unknown translations of a rigid tool, and its rotation about the centre of its drive.
+
+    Parameters
+    ----------
+    directions : (k, dim) unit vectors of the translations · rotates : whether the rotation is the last unknown
+    stiffness, mass, force, velocity : see `FreeMotions`; as far as the modelled part of the bodies counts: of a quarter
+        model a quarter of the stiffness of the press
+    """
+
+    def __init__(self, directions, *, rotates: bool = False, **resistance):
+        self.directions = np.atleast_2d(np.asarray(directions, float))
+        self._dim, self.rotates = self.directions.shape[1], rotates
+        super().__init__(len(self.directions) + rotates, **resistance)
+
+    @classmethod
+    def rotation(cls, dim: int, **resistance) -> RigidMotions:
+        """A tool that turns freely and does nothing else by itself."""
+        return cls(np.empty((0, dim)), rotates=True, **resistance)
+
+    def moved(self, motion, time: float):
+        """The motion of the drive with the displacements of these motions at a time added to its placement."""
+        self.now, u, k = time, self.at(time), len(self.directions)
+        return replace(motion, displacement=motion.displacement + u[:k] @ self.directions,
+                       angle=motion.angle + (u[k] if self.rotates else 0.0))
+
+    def search(self, points: np.ndarray, motion) -> None:
+        """The motions at points in space, (points, dim), with the tool where it is."""
+        columns = [np.broadcast_to(d, points.shape) for d in self.directions]
+        if self.rotates:
+            columns.append(motion.spin_at(points))
+        self.basis = np.stack(columns, axis=-1).reshape(-1, self.count)
