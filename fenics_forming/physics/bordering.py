@@ -112,11 +112,6 @@ class Border:
             first += n
 
 
-def border_of(workpiece) -> Border | None:
-    """The border of a workpiece's system; None where the motions of all tools are given."""
-    return Border(workpiece) if any(tool.free is not None for tool in workpiece.contact.tools) else None
-
-
 def trace_operator(workpiece) -> sp.csr_matrix:
     """Velocities at the contact points from the unknowns of this rank, (points · dim, local dofs)."""
     facets, dim = workpiece.contact.facets, workpiece.nodes.dim

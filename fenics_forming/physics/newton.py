@@ -10,7 +10,6 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
-from .bordering import border_of
 from .direct import DirectSystem
 from .parallel import highest, total
 from .workpiece import Workpiece
@@ -50,7 +49,7 @@ class FlowSolver:
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
         self.system = DirectSystem(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
-        self.border = None if workpiece.contact is None else border_of(workpiece)
+        self.border = _border(workpiece)
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
@@ -282,6 +281,14 @@ class FlowSolver:
         v = body.solution.x.array[body.owned_velocity_dofs]
         sums = total(body.nodes.comm, np.array([d @ d, v @ v]))
         return float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0
+
+
+def _border(workpiece: Workpiece):
+    """The unknown motions of its tools in the system of a workpiece; None where all motions are given."""
+    if workpiece.contact is None or all(tool.free is None for tool in workpiece.contact.tools):
+        return None
+    from .bordering import Border
+    return Border(workpiece)
 
 
 def _relative(force: np.ndarray, before: np.ndarray) -> float:

@@ -6,10 +6,10 @@ With the given velocity of the tool's surface :math:`V_q` and the unknown rates 
 
 t the traction of the tool on the body.  The rates of a solve are means over its horizon :math:`\tau`, from the state
 :math:`u_0, w_0` that was last settled: :math:`(2M/\tau)(a-w_0)+K(u_0+\theta\tau a)=f-Q`, :math:`Q=\int\Phi^Tt`.  With a
-mass :math:`\theta=1/2` keeps energy.  Without, u follows the force; :math:`\theta=1` takes it there in one step, but with the
-force on the geometry of the solve, half a step before the end in the midpoint scheme.  So where the force goes on
-smoothly the Q at the end is that of the solve and of the start of the step, extrapolated: second order, and no ringing, as
-the rule :math:`\theta=1/2` would have, since nothing of :math:`u_0` is left in :math:`u_1`.
+mass :math:`\theta=1/2` keeps energy.  Without, u follows the force; :math:`\theta=1` takes it there in one step, but with
+the force on the geometry of the solve, half a step before the end in the midpoint scheme.  So where the force goes on
+smoothly the Q at the end is extrapolated from those of this solve and of the start of the step: second order, and no
+ringing, as the rule :math:`\theta=1/2` would have, since nothing of :math:`u_0` is left in :math:`u_1`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-SMOOTH = 0.2     # change of the reaction, relative, from the settled state to the first solve, up to which it is extrapolated
+SMOOTH = 0.2     # relative change of the reaction since the settled state, up to which it is extrapolated
 
 
 class FreeMotions:
