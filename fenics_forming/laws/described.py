@@ -3,13 +3,14 @@
 import re
 from typing import Annotated, Union, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, WrapValidator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..errors import SceneError, did_you_mean
 from ..units import format_quantity, kind_of, refused, shown
 
 _TAGS = ("kind", "law")
+_SECOND = " "      # added to the word of a second description that has the same one
 
 
 class _InTheUsersWords(type(BaseModel)):
@@ -43,7 +44,7 @@ class Described(BaseModel, metaclass=_InTheUsersWords):
         missing = [
             (field.alias or name, _expected(field))
             for name, field in cls.model_fields.items()
-            if field.is_required() and name not in values and field.alias not in values
+            if cls._requires(name, values) and name not in values and field.alias not in values
         ]
         if missing:
             raise PydanticCustomError("missing_keys", "missing keys", {"keys": missing})
@@ -53,6 +54,11 @@ class Described(BaseModel, metaclass=_InTheUsersWords):
     def key_names(cls):
         """The keys as the user writes them, in order."""
         return [field.alias or name for name, field in cls.model_fields.items()]
+
+    @classmethod
+    def _requires(cls, name, values):
+        """Whether a table needs the key, given its other ones."""
+        return cls.model_fields[name].is_required()
 
     @classmethod
     def _accepted_keys(cls):
@@ -119,7 +125,10 @@ def shown_with_unit(value, field):
 
 
 def one_of(tag, *classes, base=None):
-    """The union of descriptions told apart by their key `tag` ("kind" or "law"); instances of `base` also pass."""
+    """The union of descriptions told apart by their key `tag` ("kind" or "law"); instances of `base` also pass.
+
+    Of several with the same word, that one is meant which knows most of the keys that are given.
+    """
     names = [name for described in classes for name in get_args(described.model_fields[tag].annotation)]
     passing = (base,) if base else ()
 
@@ -134,7 +143,19 @@ def one_of(tag, *classes, base=None):
             raise PydanticCustomError("unknown_word", "unknown", {"key": tag, "got": value[tag], "allowed": names})
         return inner(value)
 
-    return Annotated[Union[classes], Field(discriminator=tag), WrapValidator(check)]  # noqa: UP007
+    if len(set(names)) == len(names):
+        return Annotated[Union[classes], Field(discriminator=tag), WrapValidator(check)]  # noqa: UP007
+    labels = {described: f"{name}{_SECOND * names[:number].count(name)}"
+              for number, (name, described) in enumerate(zip(names, classes, strict=True))}
+
+    def label(value):
+        if not isinstance(value, dict):
+            return labels.get(type(value))
+        same = [described for name, described in zip(names, classes, strict=True) if name == value[tag]]
+        return labels[max(same, key=lambda described: len(described._accepted_keys() & value.keys()))]
+
+    tagged = tuple(Annotated[described, Tag(text)] for described, text in labels.items())
+    return Annotated[Union[tagged], Field(discriminator=Discriminator(label)), WrapValidator(check)]  # noqa: UP007
 
 
 def scene_error(error, values):
@@ -202,7 +223,7 @@ def _key(location, values):
     words, here, was_tag = [], values, False
     for step in location:
         tags = [here[t] for t in _TAGS if t in here] if isinstance(here, dict) else []
-        if step in tags and not was_tag and isinstance(step, str):
+        if isinstance(step, str) and step.rstrip(_SECOND) in tags and not was_tag:
             was_tag = True
             continue
         was_tag = False

@@ -1,4 +1,4 @@
-"""The workpieces of a scene as one mesh: each made as if it were alone, then put side by side."""
+"""Several bodies of a scene as one mesh: each made as if it were alone, then put side by side."""
 
 from __future__ import annotations
 
@@ -21,21 +21,28 @@ def assembled_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     MeshError
         if one of them cannot be meshed; the sentence names it.
     """
-    x, cells, sizes, counts = [], [], [], []
+    meshes, sizes = [], []
     for name in scene.workpieces:
         try:
             mesh, size = body_mesh(scene.alone(name), tools, comm)
         except MeshError as error:
             raise MeshError(f"workpiece '{name}': {error}") from error
-        nodes = Nodes(mesh)
+        meshes.append(mesh)
         sizes.append(size)
-        counts.append(int(mesh.topology.index_map(nodes.dim).size_global))
-        x.append(gather_nodal(nodes, nodes.x))
-        cells.append(gather_cells(nodes))
-    dim = scene.dimension
+    joined, counts = side_by_side(meshes, scene.dimension, comm)
+    return joined, sizes, counts
+
+
+def side_by_side(meshes, dim: int, comm=MPI.COMM_WORLD):
+    """Several meshes as disjoint parts of one, cells in their order; number of cells of each. Collective."""
+    counts = [int(mesh.topology.index_map(dim).size_global) for mesh in meshes]
+    if len(meshes) == 1:
+        return meshes[0], counts
+    parts = [Nodes(mesh) for mesh in meshes]
+    x, cells = [gather_nodal(nodes, nodes.x) for nodes in parts], [gather_cells(nodes) for nodes in parts]
     if comm.rank == 0:
         first = np.cumsum([0, *(len(a) for a in x[:-1])])
         joined = np.concatenate(x), np.concatenate([c + n for c, n in zip(cells, first, strict=True)])
     else:
         joined = np.empty((0, dim)), np.empty((0, {2: 6, 3: 10}[dim]), np.int64)
-    return meshing.from_arrays(*joined, comm), sizes, counts
+    return meshing.from_arrays(*joined, comm), counts

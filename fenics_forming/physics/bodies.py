@@ -33,7 +33,7 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     mirrors = _mirrors(scene)
     corners = np.concatenate([_corners_near(shape.bounds(), tools, CORNER_REACH * size, dim),
                               _corners_on_tools(shape, tools, 1e-6 * size)])
-    builder = {"rectangle": _outline, "polygon": _outline, "circle": _disk, "box": _box, "cylinder": _cylinder}[shape.kind]
+    builder = BUILDERS[shape.kind]
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None,
                             from_boundary=workpiece.mesh_size is not None,
@@ -152,24 +152,21 @@ def _keep_high_half(occ, body, centre, reach, axes):
     occ.synchronize()
 
 
+BUILDERS = {"rectangle": _outline, "polygon": _outline, "circle": _disk, "box": _box, "cylinder": _cylinder}
+"""Kind of shape → function (gmsh, shape, size, axes of mirror planes through round bodies) that puts it into gmsh."""
+
+
 # ---------------------------------------------------------------------- files
 def _from_file(scene, tools, comm):
     workpiece, dim = scene.workpiece, scene.dimension
     path = str(workpiece.shape.file)
     scale = workpiece.shape.scale
     if path.endswith(".msh"):
-        return _read_msh(path, scale, dim, comm)
+        return read_msh(path, scale, dim, comm)
     size = {}
 
     def build(gmsh):
-        entities = gmsh.model.occ.importShapes(path)
-        if scale != 1.0:
-            gmsh.model.occ.dilate(entities, 0, 0, 0, scale, scale, scale)
-        gmsh.model.occ.synchronize()
-        if not gmsh.model.getEntities(dim):
-            raise MeshError(f"{path} holds no body of dimension {dim}")
-        volume = sum(gmsh.model.occ.getMass(dim, tag) for _, tag in gmsh.model.getEntities(dim))
-        size["h"] = largest_size(workpiece, volume, dim)
+        size["h"] = largest_size(workpiece, import_cad(gmsh, path, scale, dim), dim)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size["h"])
 
     mesh = meshing.generate(build, dim, workpiece.mesh_size, wanted=_finer_parts(scene, tools, lambda: size["h"], ()),
@@ -177,7 +174,25 @@ def _from_file(scene, tools, comm):
     return mesh, comm.bcast(size.get("h"), 0)
 
 
-def _read_msh(path, scale, dim, comm):
+def import_cad(gmsh, path, scale, dim) -> float:
+    """Put the body of a CAD file into gmsh; its volume, mm³ (area, mm²).
+
+    Raises
+    ------
+    MeshError
+        if the file holds no body of this dimension.
+    """
+    entities = gmsh.model.occ.importShapes(path)
+    if scale != 1.0:
+        gmsh.model.occ.dilate(entities, 0, 0, 0, scale, scale, scale)
+    gmsh.model.occ.synchronize()
+    if not gmsh.model.getEntities(dim):
+        raise MeshError(f"{path} holds no body of dimension {dim}")
+    return sum(gmsh.model.occ.getMass(dim, tag) for _, tag in gmsh.model.getEntities(dim))
+
+
+def read_msh(path, scale, dim, comm):
+    """Mesh of order 2 from a file of gmsh, and the mean length of its edges, mm."""
     def make():
         with meshing.gmsh_model() as gmsh:
             gmsh.merge(path)

@@ -25,7 +25,7 @@ class Parts:
     def __init__(self, nodes: Nodes, names, counts):
         self.nodes, self.names, self.counts = nodes, tuple(names), [int(c) for c in counts]
         given = np.asarray(nodes.mesh.topology.original_cell_index)
-        of_all = np.searchsorted(np.cumsum(self.counts), given, side="right")
+        self._of_all = of_all = np.searchsorted(np.cumsum(self.counts), given, side="right")
         self.of_cell = of_all[: len(nodes.cells)]
         self.of_node = np.zeros(nodes.count, int)
         dofmap = nodes.mesh.geometry.dofmap
@@ -42,6 +42,10 @@ class Parts:
     def cells_of(self, name: str) -> np.ndarray:
         """Owned cells of a body, by number."""
         return np.flatnonzero(self.of_cell == self.names.index(name))
+
+    def local_cells_of(self, name: str) -> np.ndarray:
+        """Cells of a body that this rank has, ghosts included, by number."""
+        return np.flatnonzero(self._of_all == self.names.index(name)).astype(np.int32)
 
     def nodal(self, values) -> np.ndarray:
         """(nodes,) from one value for each body."""

@@ -40,6 +40,19 @@ def surface_of(tool: Tool, scene: Scene):
             return Circle(shape.centre, shape.radius, hollow=shape.hollow)
         case "sphere":
             return Sphere(shape.centre, shape.radius, hollow=shape.hollow)
+        case "box":
+            from .contact.blocks import box_surface
+            low, high = np.array(shape.bounds())
+            for axis in (scene.axes.index(a) for a in tool.symmetry):
+                low[axis] -= high[axis] - low[axis]          # the mirror plane is no surface of the tool
+            return box_surface(low, high)
+        case "cylinder" if hasattr(shape, "base"):
+            from .contact.blocks import cylinder_surface
+            base, height = np.array(shape.base), shape.height
+            along = np.array(shape.axis) / np.linalg.norm(shape.axis)
+            for axis in (scene.axes.index(a) for a in tool.symmetry if abs(along[scene.axes.index(a)]) > 0.5):
+                base, height = base - (along[axis] > 0) * height * along, 2 * height
+            return cylinder_surface(base, along, shape.radius, height)
         case "cylinder":
             return Cylinder(shape.centre, shape.axis, shape.radius, hollow=shape.hollow)
         case "polyline":

@@ -7,9 +7,14 @@ from .meshes import BoxDomain, CylinderDomain, NearSurface, NearTool, Remesh, Sp
 from .process import SCHEMES, Adaptive, Process, Shifting, Steps, Stop
 from .scene_file import read_scene, write_scene
 from .shapes import BodyFile, Box, Circle, Cylinder, Polygon, Rectangle, Shape
+from .solids import FaceLoad, FaceSprings, MeshSize, Part
 from .tool_shapes import CircleTool, CylinderTool, Plane, Polyline, SphereTool, Stl
 
 __all__ = [
+    "Part",
+    "MeshSize",
+    "FaceSprings",
+    "FaceLoad",
     "AXES",
     "SCHEMES",
     "Adaptive",

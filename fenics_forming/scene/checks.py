@@ -8,6 +8,8 @@ from .contacts import contact_problems, pair_problems, pair_warnings
 from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
+from .solid_checks import body_names, solid_problems, solids_of
+from .tools_alone import tools_alone_problems, tools_alone_warnings
 
 _HEAT = ("conductivity", "specific_heat", "plastic_heat_fraction")
 _ELASTIC = ("young", "poisson", "yield_stress", "hardening", "expansion")
@@ -24,7 +26,12 @@ def check(scene):
     ------
     SceneError with one line (and one entry in `problems`) for everything that cannot be run.
     """
-    problems = [*_name_problems(scene), *contact_problems(scene), *_dimension_problems(scene), *_file_problems(scene)]
+    problems = [*_name_problems(scene), *solid_problems(scene), *contact_problems(scene), *_dimension_problems(scene),
+                *_file_problems(scene)]
+    if scene.is_tools_alone and not problems:
+        problems = [*tools_alone_problems(scene)]
+        if not problems:
+            return tools_alone_warnings(scene)
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene)]
         problems += [*placement_problems(scene), *pair_problems(scene)]
@@ -35,7 +42,7 @@ def check(scene):
 
 
 def _name_problems(scene):
-    if not scene.workpieces:
+    if not scene.workpieces and not any(tool.has_body for tool in scene.tools.values()):
         yield SceneError("no workpieces are given; a run needs one at least", key="workpieces", allowed="one or more")
     for name, body in scene.workpieces.items():
         if body.material not in scene.materials:
@@ -45,9 +52,11 @@ def _name_problems(scene):
                 yield _unknown_name(f"workpieces.{name}.refine.{number}.tool", domain.tool_name, "tool", scene.tools)
     for group in ("points", "flow_lines"):
         for name, part in getattr(scene, group).items():
-            if part.body not in scene.workpieces:
-                yield _unknown_name(f"{group}.{name}.body", part.body, "workpiece", scene.workpieces)
-    if scene.steps.tool is not None and scene.steps.tool not in scene.tools:
+            bodies = scene.workpieces if group == "flow_lines" or scene.workpieces else body_names(scene)
+            if part.body not in bodies:
+                what = "workpiece" if bodies is scene.workpieces else "body"
+                yield _unknown_name(f"{group}.{name}.body", part.body, what, bodies)
+    if scene.steps is not None and scene.steps.tool is not None and scene.steps.tool not in scene.tools:
         yield _unknown_name("steps.tool", scene.steps.tool, "tool", scene.tools)
 
 
@@ -69,7 +78,8 @@ def _dimension_problems(scene):
         for number, domain in enumerate(body.refine):
             yield from compare(f"workpieces.{name}.refine.{number}", domain.dimension)
     for name, tool in scene.tools.items():
-        yield from compare(f"tools.{name}.shape", tool.shape.dimension)
+        if tool.shape is not None:
+            yield from compare(f"tools.{name}.shape", tool.shape.dimension)
         yield from _symmetry_problems(scene, f"tools.{name}.symmetry", tool.symmetry)
         if tool.drive is not None:
             yield from compare(f"tools.{name}.drive", tool.drive.dimension)
@@ -96,7 +106,7 @@ def _symmetry_problems(scene, key, symmetry):
 def _file_problems(scene):
     for group in ("workpieces", "tools"):
         for name, part in getattr(scene, group).items():
-            file = part.shape.file
+            file = part.shape.file if part.shape is not None else None
             if file is not None and not file.is_file():
                 sentence = f"the file '{file}' does not exist (paths are relative to the scene file)"
                 yield SceneError(
@@ -164,7 +174,7 @@ def _size_problems(scene, drive, name):
 
 
 def _unused(scene):
-    used = {body.material for body in scene.workpieces.values()}
+    used = {body.material for body in scene.workpieces.values()} | {s.material for *_, s in solids_of(scene)}
     for name, material in scene.materials.items():
         if name not in used:
             yield f"materials.{name}: no body is made of it"

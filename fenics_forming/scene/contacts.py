@@ -66,11 +66,17 @@ Contacts = Annotated[tuple[Contact, ...], BeforeValidator(_contacts)]
 # ---------------------------------------------------------------------- whether it makes sense
 def contact_problems(scene):
     """SceneErrors of contacts, and of what several workpieces cannot have."""
+    tool_of = {part: name for name, tool in scene.tools.items() for part in tool.parts}
     for number, contact in enumerate(scene.contacts):
+        names = [*scene.workpieces, *tool_of]
         for name in contact.between:
-            if name not in scene.workpieces:
-                yield unknown_word(f"'{name}' is not the name of a workpiece", name, scene.workpieces,
-                                   f"contacts.{number}.between")
+            if name not in names:
+                what = "part of a tool or a workpiece" if tool_of else "workpiece"
+                yield unknown_word(f"'{name}' is not the name of a {what}", name, names, f"contacts.{number}.between")
+        if set(contact.between) <= set(names) and len({tool_of.get(name) for name in contact.between}) > 1:
+            sentence = "are no two workpieces and no two parts of one tool"
+            yield SceneError(f"'{contact.between[0]}' and '{contact.between[1]}' {sentence}",
+                             key=f"contacts.{number}.between", got=contact.between, allowed="bodies of one kind")
     if len(scene.workpieces) < 2:
         return
     for name, body in scene.workpieces.items():

@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 from ..laws import DriveLaw, FlowStressLaw, FrictionLaw, NoFriction
 from ..laws.damage import DamageLaw
 from ..laws.described import Described, at_key
+from ..laws.elasticity import Elasticity, Hardening
 from ..units import (
     Conductivity,
     Count,
@@ -34,6 +35,7 @@ from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
 from .process import CountFromOne, Process, Shifting, Steps, Stop
 from .shapes import BodyShape
+from .solids import Part, Solid
 from .tool_shapes import ToolShape
 
 AXES = {"plane_strain": ("x", "y"), "axisymmetric": ("r", "z"), "3d": ("x", "y", "z")}
@@ -54,7 +56,8 @@ class Material(FromLibrary):
     Parameters
     ----------
     from_ (key `from`) : name of a material of the library, whose keys hold where no other is given.
-    flow_stress : a flow-stress law. damage : a damage law, followed only if given. young, yield_stress, hardening : MPa.
+    flow_stress : a flow-stress law. damage : a damage law, followed only if given. young, yield_stress : MPa.
+    hardening : slope of the yield stress over the plastic strain, MPa, or pairs (plastic strain, stress in MPa).
     expansion : 1/K. density : t/mm^3.
     conductivity : mJ/s/mm/K. specific_heat : mJ/t/K. poisson, plastic_heat_fraction : numbers.
     """
@@ -68,8 +71,16 @@ class Material(FromLibrary):
     young: Positive(Stress) | None = None
     poisson: Within(Number, 0, 0.4999) | None = None
     yield_stress: Positive(Stress) | None = None
-    hardening: NonNegative(Stress) | None = None
+    hardening: Hardening | None = None
     expansion: NonNegative(Expansion) | None = None
+
+    @property
+    def elasticity(self):
+        """The law of a body that deforms elastically; None without elastic constants."""
+        if self.young is None or self.poisson is None:
+            return None
+        keys = ("young", "poisson", "yield_stress", "hardening", "expansion")
+        return Elasticity(**{key: value for key in keys if (value := getattr(self, key)) is not None})
 
 
 class Workpiece(Described):
@@ -93,19 +104,43 @@ class Workpiece(Described):
     refine: Refine = ()
 
 
-class Tool(Described):
-    """A rigid tool.
+class RigidTool(Described):
+    """What a tool has, be it rigid or not."""
 
-    Parameters
-    ----------
-    shape : a tool shape. drive : how it moves; at rest without. friction : on its surface, none if not given.
-    symmetry : axes; the low face of a closed shape on each is a mirror plane.
-    """
-
-    shape: ToolShape = Field(description="a shape such as { kind = 'plane', point = [0, 15], normal = [0, -1] }")
+    shape: ToolShape | None = Field(
+        None, description="a shape such as { kind = 'plane', point = [0, 15], normal = [0, -1] }"
+    )
     drive: DriveLaw | None = None
     friction: FrictionLaw = NoFriction()
     symmetry: Axes = ()
+
+
+class Tool(Solid, RigidTool):
+    """A tool: rigid, or deformable where its material has elastic constants and its deformation is asked for.
+
+    Parameters
+    ----------
+    shape : a tool shape; may be left out of an assembled tool. drive : how it moves; at rest without.
+    friction : on its surface, none if not given. symmetry : axes; the low face of a closed shape on each is a mirror plane.
+    parts : tables by name with the keys of `Part`, for an assembled tool. stress_state : "plane_stress" instead of plane
+    strain, of tools in the plane. The other keys are those of `Solid`.
+    """
+
+    parts: named(Part) = Field(default_factory=Named)
+    stress_state: Literal["plane_strain", "plane_stress"] = "plane_strain"
+
+    @classmethod
+    def _requires(cls, name, values):
+        return name == "shape" and not values.get("parts") or super()._requires(name, values)
+
+    @property
+    def has_body(self):
+        """Whether it is given as a body, by a material or by parts, that could deform."""
+        return self.material is not None or bool(self.parts)
+
+    def solids(self, name):
+        """Its bodies by name, each with the keys of `Solid` and a shape: its parts, or itself as ``name``."""
+        return dict(self.parts) if self.parts else {name: self}
 
 
 class TrackedPoint(Described):
@@ -187,22 +222,31 @@ class Scene(Described):
     ----------
     title : any text. geometry : "plane_strain" (x, y; forces per mm), "axisymmetric" (r, z; forces of the full
     turn) or "3d". materials, workpieces, tools, points, flow_lines : tables by name. contacts : list of contacts between
-    bodies. process, steps, stop, output, solver.
+    bodies. process, steps, stop, output, solver. A scene of deformable tools alone has no workpieces and needs neither
+    steps nor stop.
     """
 
     title: str = ""
     geometry: Literal["plane_strain", "axisymmetric", "3d"] = Field(description="one of plane_strain, axisymmetric, 3d")
     materials: named(Material) = Field(description="one table [materials.NAME] for each material")
-    workpieces: named(Workpiece) = Field(description="one table [workpieces.NAME] for each body that is formed")
+    workpieces: named(Workpiece) = Field(
+        default_factory=Named, description="one table [workpieces.NAME] for each body that is formed"
+    )
     tools: named(Tool) = Field(description="one table [tools.NAME] for each tool")
     points: named(TrackedPoint) = Field(default_factory=Named)
     flow_lines: named(FlowLine) = Field(default_factory=Named)
     contacts: Contacts = ()
     process: Process = Process()
-    steps: Steps = Field(description="a table with 'stroke' or 'time', the size of a step")
-    stop: Stop = Field(description="a table with one of stroke, time, force, height, dead_centre")
+    steps: Steps | None = Field(None, description="a table with 'stroke' or 'time', the size of a step")
+    stop: Stop | None = Field(None, description="a table with one of stroke, time, force, height, dead_centre")
     output: Output = Output()
     solver: Solver = Solver()
+
+    @classmethod
+    def _requires(cls, name, values):
+        if name in ("workpieces", "steps", "stop"):
+            return bool(values.get("workpieces")) or not _has_bodies(values.get("tools"))
+        return super()._requires(name, values)
 
     @model_validator(mode="before")
     @classmethod
@@ -218,6 +262,8 @@ class Scene(Described):
 
     @model_validator(mode="after")
     def _schemes_agree(self):
+        if self.steps is None:
+            return self
         moved = self.process.moved
         first, second = moved.scheme if moved else None, self.steps.scheme if self.steps.says("scheme") else None
         same = {first, second} <= {"implicit", "midpoint"}
@@ -263,6 +309,11 @@ class Scene(Described):
         return next(iter(self.workpieces))
 
     @property
+    def is_tools_alone(self):
+        """Whether nothing is formed: deformable tools under loads of their own."""
+        return not self.workpieces
+
+    @property
     def is_assembled(self):
         """Whether there are several workpieces."""
         return len(self.workpieces) > 1
@@ -279,7 +330,7 @@ class Scene(Described):
     @property
     def counting_tool(self):
         """Name of the tool whose stroke and force count in steps and stop; None if no tool moves."""
-        if self.steps.tool is not None:
+        if self.steps is not None and self.steps.tool is not None:
             return self.steps.tool
         travelling = [name for name in self.driven_tools if self.tools[name].drive.direction is not None]
         return next(iter([*travelling, *self.driven_tools]), None)
@@ -301,3 +352,14 @@ class Scene(Described):
         return tree(self)
 
     __str__ = __repr__
+
+
+def _has_bodies(tools):
+    """Whether a table of tools, as the user gives it, has one with a material or with parts."""
+    if not isinstance(tools, dict):
+        return False
+    return any(tool.has_body if isinstance(tool, Tool) else isinstance(tool, dict) and not tool.keys().isdisjoint(_BODY)
+               for tool in tools.values())
+
+
+_BODY = ("material", "parts")

@@ -59,17 +59,18 @@ def _mesh_size_problems(scene, key, body):
         sentence = f"{body.mesh_size:g} mm is larger than the body, {extent:g} mm"
         yield SceneError(sentence, key=f"{key}.mesh_size", got=body.mesh_size, allowed=f"below {extent:g}")
         return
-    yield from _too_fine(scene.dimension, body.shape.volume_or_area(), body.mesh_size, f"{key}.mesh_size")
+    yield from too_fine(scene.dimension, body.shape.volume_or_area(), body.mesh_size, f"{key}.mesh_size")
 
 
 def _refine_problems(scene, key, body):
     whole = body.shape.volume_or_area()
     for number, domain in enumerate(body.refine):
         measure = min(whole, domain.measure_within(body.shape.bounds()))
-        yield from _too_fine(scene.dimension, measure, domain.size, f"{key}.refine.{number}.size")
+        yield from too_fine(scene.dimension, measure, domain.size, f"{key}.refine.{number}.size")
 
 
-def _too_fine(dimension, measure, size, key):
+def too_fine(dimension, measure, size, key):
+    """A SceneError where a body of this area or volume needs more unknowns than `MOST_DOFS`."""
     dofs, most = estimated_dofs(dimension, measure, size), MOST_DOFS[dimension]
     if dofs > most:
         least = size * (dofs / most) ** (1 / dimension)

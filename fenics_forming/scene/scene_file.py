@@ -8,7 +8,8 @@ from ..errors import SceneError
 from .description import Scene
 
 _HEADER = "# numbers are in mm, s, t, N, MPa, mJ, degC, rad\n"
-_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive", "damage", "shifting")
+_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive", "damage", "shifting",
+                "mesh_size", "held", "loads", "springs")
 
 
 def read_scene(path, *, set=()):

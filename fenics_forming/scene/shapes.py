@@ -254,6 +254,11 @@ class Box(Shape):
         """Whether points lie inside, bool, shape (n,)."""
         return np.all((np.atleast_2d(points) >= self.from_) & (np.atleast_2d(points) <= self.to), axis=1)
 
+    def depth(self, points):
+        """How deep points lie inside, mm, shape (n,); negative outside."""
+        beyond = np.maximum(np.subtract(self.from_, np.atleast_2d(points)), np.subtract(np.atleast_2d(points), self.to))
+        return -np.linalg.norm(np.maximum(beyond, 0.0), axis=1) - np.minimum(beyond.max(axis=1), 0.0)
+
 
 class Cylinder(Shape):
     """A solid cylinder in space.
@@ -305,6 +310,14 @@ class Cylinder(Shape):
         along = offset @ axis
         across = np.linalg.norm(offset - along[:, None] * axis, axis=1)
         return (along >= 0) & (along <= self.height) & (across <= self.radius * (1 + 1e-12))
+
+    def depth(self, points):
+        """How deep points lie inside, mm, shape (n,); negative outside."""
+        offset, axis = np.atleast_2d(points) - self.base, unit(self.axis)
+        along = offset @ axis
+        across = np.linalg.norm(offset - along[:, None] * axis, axis=1)
+        beyond = np.column_stack([np.maximum(-along, along - self.height), across - self.radius])
+        return -np.linalg.norm(np.maximum(beyond, 0.0), axis=1) - np.minimum(beyond.max(axis=1), 0.0)
 
 
 class BodyFile(Shape):

@@ -1,4 +1,4 @@
-"""Shapes of rigid tools: where their surface is and on which side the workpiece lies. Lengths in mm, no mesh.
+"""Shapes of tools: where their surface is and on which side the workpiece lies. Lengths in mm, no mesh.
 
 Every tool shape answers `dimension`, `bounds()` and `depth(points)`: how deep points lie inside the tool, mm, negative
 outside, as far as it is known before a mesh is made.
@@ -27,7 +27,7 @@ from .shape_fields import (
     check_outline,
     unit,
 )
-from .shapes import Circle, Polygon, Rectangle, Shape, count_of_points
+from .shapes import BodyFile, Box, Circle, Cylinder, Polygon, Rectangle, Shape, count_of_points
 
 
 class Plane(Shape):
@@ -234,4 +234,6 @@ class Stl(Shape):
         return Path(self.path)
 
 
-ToolShape = one_of("kind", Plane, CircleTool, CylinderTool, SphereTool, Polyline, Rectangle, Polygon, Stl)
+ToolShape = one_of("kind", Plane, CircleTool, CylinderTool, SphereTool, Polyline, Rectangle, Polygon, Stl, Box, Cylinder,
+                   BodyFile)
+"""`Cylinder` is the one with ends; `Box`, it and `BodyFile` are bodies, for tools that deform."""
