@@ -219,7 +219,11 @@ class FlowSolver:
         body, contact = self.workpiece, self.workpiece.contact
         for part in body.contacts:
             part.silence()
+        if body.mass is not None:       # it has its own share in the penalty
+            per_step, body.mass.per_step.value = float(body.mass.per_step.value), 0.0
         self._assemble(lifting=False, matrix_only=True)
+        if body.mass is not None:
+            body.mass.per_step.value = per_step
         contact.set_penalty(self.system.stiffness().mean(axis=1), body.nodal_areas(), self.settings.penalty_factor,
                             flow_stress)
 

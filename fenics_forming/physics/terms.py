@@ -39,3 +39,14 @@ def body_force_power(f, w, weight, dx):
 def drag(v, w, coefficient, weight, dx):
     r"""Power of a drag that keeps bodies at rest that nothing holds, :math:`\int c\,v\cdot w\,dV`."""
     return coefficient * ufl.inner(v, w) * weight * dx
+
+
+def inertia(change, w, density, per_step, weight, dx):
+    r"""Power of the inertia, :math:`\int\rho\,\frac{v-v_{before}}{\Delta t}\cdot w\,dV`; ``change`` is the change of velocity
+    that a material point has seen, ``per_step`` one over the time between."""
+    return density * per_step * ufl.inner(change, w) * weight * dx
+
+
+def weight_power(gravity, w, density, weight, dx):
+    r"""Power of the weight, :math:`-\int\rho\,g\cdot w\,dV`."""
+    return -density * ufl.inner(gravity, w) * weight * dx

@@ -78,10 +78,12 @@ class Workpiece:
     contact : ``RigidContact`` or None
     body_force : UFL vector or tuple of numbers, N/mm³, or None
     pressure_datum : pin the pressure at one vertex (needed where the whole boundary has its normal velocity given)
+    mass : ``mass.MassProperties`` where inertia or weight act, or None
     """
 
     def __init__(self, nodes: Nodes, *, kinematics: Kinematics, flow_stress, fixed=(), contact=None, body_force=None,
-                 pressure_datum: bool = False, settings: NewtonSettings = NewtonSettings(), parts=None, pairs=()):
+                 pressure_datum: bool = False, settings: NewtonSettings = NewtonSettings(), parts=None, pairs=(),
+                 mass=None):
         self.nodes, self.kinematics, self.parts = nodes, kinematics, parts
         self.contact, self.settings = contact, settings
         mesh, dim = nodes.mesh, nodes.dim
@@ -102,6 +104,10 @@ class Workpiece:
         points, _ = basix.make_quadrature(cell, degree)
         self._hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
         self._take_laws(flow_stress, len(points))
+        self.mass = None
+        if mass is not None:
+            from .mass import Mass
+            self.mass = Mass(nodes, kinematics, mass, W, self.velocity_dofs)
         self._compile(points, body_force, degree)
 
         self.fixed = tuple(fixed)
@@ -136,6 +142,8 @@ class Workpiece:
 
     def set_drag(self, usual: float) -> None:
         """Hold back bodies that are free to move; ``usual`` power of plastic flow, mW/mm³, at the speed of the tools."""
+        if not self._dragged:
+            return
         speed = self.contact.speed if self.contact is not None else 1.0
         self.drag.value = DRAG * usual / speed**2
 
@@ -164,7 +172,12 @@ class Workpiece:
         if body_force is not None:
             f = ufl.as_vector(body_force) if isinstance(body_force, (tuple, list)) else body_force
             terms["body_force"] = body_force_power(f, w, weight, dx)
-        if self.parts is not None:
+        meters = {}
+        if self.mass is not None:
+            of_mass, of_tangent, meters = self.mass.terms(v, dv, w, weight)
+            terms, tangents = terms | of_mass, tangents | of_tangent
+        self._dragged = self.parts is not None and "inertia" not in terms
+        if self._dragged:
             self.drag = fem.Constant(mesh, 0.0)
             terms["drag"], tangents["drag"] = drag(v, w, self.drag, weight, dx), drag(dv, w, self.drag, weight, dx)
         entity_maps = {}
@@ -180,7 +193,8 @@ class Workpiece:
         self._volume = fem.form(weight * ufl.Measure("dx", domain=mesh, metadata=exactly))
         self._plastic_power = fem.form(plastic(D(v), D(v), self._sigma, rate, weight, dx))
         self._force_power = fem.form(-body_force_power(f, v, weight, dx)) if body_force is not None else None
-        self._drag_power = fem.form(drag(v, v, self.drag, weight, dx)) if self.parts is not None else None
+        self._drag_power = fem.form(drag(v, v, self.drag, weight, dx)) if self._dragged else None
+        self._mass_powers = {name: fem.form(meter) for name, meter in meters.items()}
         self._nodal_area = fem.form(w[0] * weight * self.contact.facets.measure) \
             if self.contact is not None else None
         u = ufl.split(self.increment)[0]
@@ -343,6 +357,10 @@ class Workpiece:
     def drag_power(self) -> float:
         """Power that the drag takes from bodies that move, mW; of a single body, which has none, zero."""
         return self._total(self._drag_power) if self._drag_power is not None else 0.0
+
+    def mass_powers(self) -> dict[str, float]:
+        """Power that inertia takes and that the weight gives, mW, as far as they act."""
+        return {name: self._total(form) for name, form in self._mass_powers.items()}
 
     def _total(self, form) -> float:
         return float(total(self.nodes.comm, fem.assemble_scalar(form)))

@@ -19,6 +19,7 @@ from ..physics.surface import Surface, facet_sides
 from ..physics.workpiece import FixedVelocity, Workpiece
 from ..scene import Scene
 from .body import FlowingBody
+from .moving import mass_of, velocity_of
 from .placing import height_axis, nodes_of, settings_of
 from .volume import FreeSurface
 
@@ -72,11 +73,13 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
                            slip_regularisation=settings.slip_regularisation)
     materials = [scene.materials[body.material] for body in scene.workpieces.values()]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings, parts=parts,
-                          flow_stress=[m.flow_stress for m in materials], pairs=_pairs(scene, nodes, free, slaves))
+                          flow_stress=[m.flow_stress for m in materials], pairs=_pairs(scene, nodes, free, slaves),
+                          mass=mass_of(scene, parts))
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
                        surfaces={name: _surface(parts, name, kinematics, mirrors[name]) for name in parts.names},
                        drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
-                       temperature=_temperature(scene, parts), damage=_damage(materials, parts))
+                       temperature=_temperature(scene, parts), damage=_damage(materials, parts),
+                       initial_velocity=velocity_of(scene, nodes, parts))
 
 
 def _boundary(parts: Parts, mirrors, axes) -> tuple[dict[str, np.ndarray], list[FixedVelocity]]:

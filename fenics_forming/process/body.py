@@ -40,11 +40,12 @@ class FlowingBody:
     damage : law of ``laws.damage``, or None: no damage gathers
     free_surface : of the same nodes, to measure and restore the volume by
     surfaces : the same by name, where there are several bodies
+    initial_velocity : (nodes, dim) mm/s at the start; given where inertia acts, and only there
     """
 
     def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
                  temperature: float | np.ndarray | None = None, damage=None, free_surface: FreeSurface | None = None,
-                 surfaces: dict[str, FreeSurface] | None = None):
+                 surfaces: dict[str, FreeSurface] | None = None, initial_velocity: np.ndarray | None = None):
         self.workpiece, self.nodes = workpiece, workpiece.nodes
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
@@ -61,7 +62,11 @@ class FlowingBody:
         self.speed = 0.0
         self.reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
         self.sunk = 0.0
-        self._flows_by_itself = "body_force" in workpiece.terms or \
+        self.inertia = None
+        if initial_velocity is not None:
+            from .inertia import Inertia
+            self.inertia = Inertia(workpiece.mass, initial_velocity)
+        self._flows_by_itself = not {"body_force", "weight"}.isdisjoint(workpiece.terms) or \
             any(callable(c.value) or c.value != 0 for c in workpiece.fixed)
         self.place(0.0)
 
@@ -160,12 +165,15 @@ class FlowingBody:
     def search(self, dt: float) -> None:
         """Closest points of the contact facets; ``dt`` is what contact looks ahead."""
         if self.contact is None:
+            self.speed = self.speed if self.inertia is None else self.inertia.speed([], None, 0.0, dt)
             return
         start = perf_counter()
         self.contact.search(self.x, dt)
         if self.workpiece.is_cold:
             self.contact.let_go()
         speed = self.tool_speed()
+        if self.inertia is not None:
+            speed = self.inertia.speed(self.tools, self.contact.facets.trace, speed, dt)
         if speed > 0:
             self.speed = speed
         self.contact.set_speed(self.speed)
@@ -185,7 +193,7 @@ class FlowingBody:
 
         Otherwise rest is the solution: a tool that stands still, withdraws or slides along presses nothing.
         """
-        if self.contact is None or self._flows_by_itself:
+        if self.contact is None or self._flows_by_itself or self.inertia is not None and self.inertia.moves():
             return True
         touch, size = self.time_to_contact(dt), NEAR * self.size
         turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
@@ -236,9 +244,17 @@ class FlowingBody:
         if gaps is not None and self.interfaces is not None:
             self.interfaces.set_gaps(gaps)
         if not self.is_pushed(ahead * dt):
+            if self.inertia is not None:
+                self.inertia.rest(time)
             return self.rest()
         characteristic_rate = self.speed / self.height()
-        tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
+        if self.inertia is not None:
+            if self.inertia.starts_freely(self, ahead * dt):
+                return self.inertia.first_flow(self, time, history)
+            self.inertia.begin(self, time, dt)
+            tied = None         # inertia says which of all possible flows it is, and rates may jump
+        else:
+            tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                                       step=tied, temperature=self._temperature, touching=NEAR * self.size)
@@ -246,6 +262,8 @@ class FlowingBody:
             raise self._explained(failure) from failure
         if self.solver.border is not None:
             self.solver.border.found()
+        if self.inertia is not None:
+            self.inertia.found(self, time)
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
 
     def _mean_rate(self, characteristic_rate: float) -> float:
@@ -309,7 +327,7 @@ class FlowingBody:
     def powers(self) -> dict[str, float]:
         """Powers of the present flow, mW, by name."""
         w = self.workpiece
-        powers = {"plastic": w.plastic_power(), "body force": w.body_force_power()}
+        powers = {"plastic": w.plastic_power(), "body force": w.body_force_power(), **w.mass_powers()}
         if self.contact is None:
             return powers | {"tools": 0.0, "friction": 0.0, "penalty": 0.0}
         return powers | self._contact_powers()
@@ -346,7 +364,8 @@ class FlowingBody:
         motions = [(t.motion, t.traction, None if t.free is None else t.free.memory()) for t in self.tools]
         states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
-        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states
+        moving = None if self.inertia is None else self.inertia.snapshot()
+        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states, moving
 
     def continues(self, other: FlowingBody) -> None:
         """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
@@ -356,8 +375,10 @@ class FlowingBody:
             self.contact.reference = other.contact.reference
 
     def restore(self, snapshot: tuple) -> None:
-        x, solution, tau, cold, last_rate, motions, states = snapshot
+        x, solution, tau, cold, last_rate, motions, states, moving = snapshot
         w = self.workpiece
+        if self.inertia is not None:
+            self.inertia.restore(moving)
         self.x[:] = x
         w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
         for tool, (motion, traction, free) in zip(self.tools, motions, strict=True):

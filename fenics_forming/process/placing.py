@@ -16,6 +16,7 @@ from ..physics.settings import NewtonSettings
 from ..physics.workpiece import FixedVelocity, Workpiece, facet_nodes
 from ..scene import Scene
 from .body import FlowingBody
+from .moving import mass_of, velocity_of
 from .volume import FreeSurface
 
 
@@ -25,14 +26,15 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     fixed, candidates = _boundary(nodes, mirrors, scene.axes)
     settings = settings_of(scene)
     contact = RigidContact(ContactFacets(nodes, kinematics, candidates), tools,
-                           slip_regularisation=settings.slip_regularisation)
+                           slip_regularisation=settings.slip_regularisation) if tools else None
     material = scene.materials[scene.workpiece.material]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
-                          flow_stress=material.flow_stress)
+                          flow_stress=material.flow_stress, mass=mass_of(scene))
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
                        free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
-                       temperature=scene.workpiece.temperature, damage=material.damage)
+                       temperature=scene.workpiece.temperature, damage=material.damage,
+                       initial_velocity=velocity_of(scene, nodes))
 
 
 def settings_of(scene: Scene) -> NewtonSettings:

@@ -118,6 +118,11 @@ class DamageLedger:
         return {"largest": self.largest, "critical": self.critical, "passed_at_step": self.passed_at_step}
 
 
+def _given(powers: dict[str, float]) -> float:
+    """Power that goes into a body, mW: from tools, forces on its volume, and its own motion that it loses."""
+    return sum(powers.get(name, 0.0) for name in ("tools", "body force", "weight")) - powers.get("inertia", 0.0)
+
+
 class PowerLedger:
     """Power given by the tools against plastic, friction, penalty and body-force power, relative to the first."""
 
@@ -139,11 +144,11 @@ class PowerLedger:
 
         The flow counts for ``dt``, s, in the share of the penalty.
         """
-        if body.workpiece.is_cold:
+        if body.workpiece.is_cold or body.inertia is not None and body.inertia.is_start:
             return 0.0
         self.last = body.powers()
-        given = self.last["tools"] + self.last["body force"]
-        self.work += dt * abs(self.last["tools"])
+        given = _given(self.last)
+        self.work += dt * abs(self.last["tools"] if body.inertia is None else given)
         self.penalty_work += dt * abs(self.last["penalty"])
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
         scale = max(abs(given), abs(spent), 1e-6 * body.solver.usual_power)   # the last for a body that is only moved
@@ -153,7 +158,7 @@ class PowerLedger:
 
     def penalty_shares(self) -> tuple[float, float]:
         """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole."""
-        given = abs(self.last.get("tools", 0.0))
+        given = abs(_given(self.last) if "inertia" in self.last else self.last.get("tools", 0.0))
         last = abs(self.last["penalty"]) / given if given > 0 else 0.0
         return float(last), float(self.penalty_work / self.work) if self.work > 0 else 0.0
 

@@ -134,6 +134,8 @@ class Recorder:
 
     def force(self, name: str) -> float:
         """Force with which a tool pushes on the whole body now, positive along its working direction, N (N/mm)."""
+        if name is None:        # no tool moves
+            return 0.0
         tool = next(tool for tool in self.run.body.tools if tool.name == name)
         direction = self._working_direction(tool)
         return float(self.run.body.contact.force(tool) @ direction) * self.bodies.copies(direction)

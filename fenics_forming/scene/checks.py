@@ -6,6 +6,7 @@ from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
 from .library import library_warnings
+from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 from .solid_checks import body_names, solid_problems, solids_of
@@ -33,7 +34,7 @@ def check(scene):
         if not problems:
             return tools_alone_warnings(scene)
     if not problems:  # places can be compared only when every vector has the dimension of the scene
-        problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene)]
+        problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene), *inertia_problems(scene)]
         problems += [*placement_problems(scene), *pair_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
@@ -128,6 +129,9 @@ def _law_problems(scene):
 
 
 def _step_problems(scene):
+    if not scene.driven_tools and moves_by_itself(scene):
+        yield from undriven_problems(scene)
+        return
     if not scene.driven_tools:
         what = "no tool moves" if scene.tools else "there is no tool"
         yield SceneError(f"{what}; expected at least one with a 'drive'", key="tools", allowed="a driven tool")

@@ -31,6 +31,7 @@ from ..units import (
 )
 from .contacts import Contacts
 from .library import FromLibrary
+from .initial_velocity import InitialVelocity
 from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
 from .process import CountFromOne, Process, Shifting, Steps, Stop
@@ -92,7 +93,8 @@ class Workpiece(Described):
     a round body is cut in half through its centre.
     mesh_size : mm, chosen from the shape if not given. remesh : true or a table with the keys of `Remesh`; the mesh is
     never renewed if not given. refine : list of domains with finer elements, for the first mesh and every later one.
-    temperature : degC, constant, for the flow-stress law.
+    temperature : degC, constant, for the flow-stress law. initial_velocity : mm/s, its components, or a table with the
+    `kind` "uniform", "homogeneous" or "rotation"; at rest if not given.
     """
 
     shape: BodyShape = Field(description="a shape such as { kind = 'rectangle', from = [0, 0], to = [10, 15] }")
@@ -102,6 +104,7 @@ class Workpiece(Described):
     temperature: Temperature | None = None
     remesh: RemeshField = None
     refine: Refine = ()
+    initial_velocity: InitialVelocity | None = None
 
 
 class RigidTool(Described):

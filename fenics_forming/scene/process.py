@@ -72,6 +72,8 @@ class Process(Described):
     choice as `steps.scheme`. substeps : short for shifting = { scheme = "substeps", substeps = … }.
     volume_constancy : lost volume is given back to the free surface: true, where the body has `remesh`, at every
     remeshing and, so that little is due then, after every step; "each_step", also without; false, never.
+    inertia : whether acceleration takes force. weight : whether gravity acts, along the negative z (in plane strain y).
+    Both need the density of the material.
     """
 
     shifting: Annotated[
@@ -79,6 +81,8 @@ class Process(Described):
     ] = None
     substeps: CountFromOne | None = None
     volume_constancy: Annotated[bool | Literal["each_step"], BeforeValidator(_volume_constancy), _VOLUME_SCHEMA] = True
+    inertia: Flag = False
+    weight: Flag = False
 
     @model_validator(mode="after")
     def _one_number_of_substeps(self):

@@ -9,7 +9,7 @@ from .description import Scene
 
 _HEADER = "# numbers are in mm, s, t, N, MPa, mJ, degC, rad\n"
 _IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive", "damage", "shifting",
-                "mesh_size", "held", "loads", "springs")
+                "mesh_size", "held", "loads", "springs", "initial_velocity")
 
 
 def read_scene(path, *, set=()):

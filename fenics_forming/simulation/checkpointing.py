@@ -15,6 +15,7 @@ def save(run, path: Path, state: State) -> None:
     """Write the state so that a run on any number of ranks can go on from it."""
     w, contact = run.body.workpiece, run.body.contact
     numbers, remembered = run.scheme.memory()
+    moving, moved, masses = (None, {}, {}) if run.body.inertia is None else run.body.inertia.memory()
     save_checkpoint(path, run.nodes, scalars={
         "step": state.step, "time": state.time, "dt": state.dt, "speed": run.body.speed,
         "mesh_size": run.mesh_size, "mirrors": _with_words(run.mirrors), "bodies": run.body.making(),
@@ -22,15 +23,17 @@ def save(run, path: Path, state: State) -> None:
         "start_volume": run.start_volume, "start_extents": run.start_extents,
         "volume_ledger": run.volume_ledger.memory(),
         "power_ledger": run.power_ledger.memory(), "folds": run.folds.memory(),
-        "at_rest": w.is_cold, "penalty": contact.reference,
+        "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "size": run.body.size, "reach": run.body.reach, "scheme": numbers,
         "meshing": None if run.keeper is None else run.keeper.memory()},
         nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
                **{f"history.{name}": values for name, values in state.history.items()},
-               **{f"scheme.{name}": values for name, values in remembered.items()}},
-        cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True)),
-        facetwise=contact.memory(), facets=contact.facets, between=run.body.between())
+               **{f"scheme.{name}": values for name, values in remembered.items()},
+               **{f"inertia.{name}": values for name, values in moved.items()}},
+        cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True), **masses),
+        facetwise=None if contact is None else contact.memory(), facets=None if contact is None else contact.facets,
+        between=run.body.between())
 
 
 def resumed(run, checkpoint: Checkpoint) -> State:
@@ -41,19 +44,26 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     run.stepper.choice.resume(saved["step_fraction"])
     run.scheme.remember(saved["scheme"], {name.removeprefix("scheme."): values for name, values in local.items()
                                            if name.startswith("scheme.")})
-    body.speed, body.contact.reference = saved["speed"], saved["penalty"]
+    body.speed = saved["speed"]
+    if body.contact is not None:
+        body.contact.reference = saved["penalty"]
     body.move_tools(saved["time"])
     body.size, body.reach = saved["size"], saved["reach"]
     history = {name: local[f"history.{name}"] for name in body.new_history()}
+    cellwise = {name: scatter_cell_values(run.nodes, values if run.comm.rank == 0 else None)
+                for name, values in checkpoint.cellwise.items()}
+    if body.inertia is not None:
+        body.inertia.remember(saved["inertia"], {name.removeprefix("inertia."): values for name, values in local.items()
+                                                 if name.startswith("inertia.")}, cellwise)
     body.search(saved["dt"])
     if saved["at_rest"]:
         flow = body.rest()
     else:
-        cellwise = {name: scatter_cell_values(run.nodes, values if run.comm.rank == 0 else None)
-                    for name, values in checkpoint.cellwise.items()}
         workpiece.set_start(local["velocity"], local["mean_stress"])
         workpiece.set_point_data(cellwise["stress"], cellwise["rate"], saved["rate_scale"])
-        body.contact.resume(scatter_facets(run.nodes, body.contact.facets, checkpoint.facetwise), local["velocity"])
+        if body.contact is not None:
+            body.contact.resume(scatter_facets(run.nodes, body.contact.facets, checkpoint.facetwise),
+                                local["velocity"])
         if body.interfaces is not None:
             body.interfaces.resume({name: scatter_facets(run.nodes, contact.points, checkpoint.between[name])["state"]
                                     for name, contact in body.interfaces.by_name.items()}, local["velocity"])

@@ -17,14 +17,14 @@ class Stops:
 
     Attributes
     ----------
-    drive : of the tool that counts
+    drive : of the tool that counts; None where no tool moves
     drives : of all tools that move
     turns : times at which a tool starts, stops or turns back: what is recorded there is the flow before
     """
 
     def __init__(self, scene: Scene):
         self.scene = scene
-        self.drive = scene.tools[scene.counting_tool].drive
+        self.drive = scene.tools[scene.counting_tool].drive if scene.counting_tool is not None else None
         self.drives = [scene.tools[name].drive for name in scene.driven_tools]
         self.turns: list[float] = [t for drive in self.drives for t in drive.turning_times]
 

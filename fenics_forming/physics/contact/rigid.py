@@ -119,6 +119,7 @@ class RigidContact:
         self.slip_regularisation, self.augmented = slip_regularisation, augmented
         self.coefficient: float | None = None
         self.reference: float | None = None     # C of the start, for unit flow stress and tool speed
+        self.inertia = 0.0                      # what the mass that lands in a step adds to C, N s/mm³
         self.dt = self._speed = 1.0
         self.slip0 = slip_regularisation
         self._start()
@@ -182,14 +183,18 @@ class RigidContact:
         smooth platen would act like a slightly uneven one, and the uniform flow of a perfectly plastic block in plane
         strain, which is not unique, would turn into shear bands.
         """
-        nodes = self.facets.facet_nodes
-        sums = self.facets.integral(np.array([[stiffness[nodes].sum(), area[nodes].sum()]]))
-        self.reference = factor * sums[0] / sums[1] * self._speed / flow_stress
+        self.reference = factor * self.surface_mean(stiffness, area) * self._speed / flow_stress
         self.scale_penalty(flow_stress)
+
+    def surface_mean(self, values: np.ndarray, area: np.ndarray) -> float:
+        """Sum of nodal values (nodes,) over the sum of the areas (nodes,), all contact nodes together. Collective."""
+        nodes = self.facets.facet_nodes
+        sums = self.facets.integral(np.array([[values[nodes].sum(), area[nodes].sum()]]))
+        return float(sums[0] / sums[1])
 
     def scale_penalty(self, flow_stress: float) -> None:
         """C follows the viscosity: in proportion to the mean flow stress, MPa, over the speed of the tools."""
-        self.coefficient = self.reference * flow_stress / self._speed
+        self.coefficient = self.reference * flow_stress / self._speed + self.inertia
 
     @property
     def speed(self) -> float:
