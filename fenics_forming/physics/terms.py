@@ -42,8 +42,10 @@ def drag(v, w, coefficient, weight, dx):
 
 
 def inertia(change, w, density, per_step, weight, dx):
-    r"""Power of the inertia, :math:`\int\rho\,\frac{v-v_{before}}{\Delta t}\cdot w\,dV`; ``change`` is the change of velocity
-    that a material point has seen, ``per_step`` one over the time between."""
+    r"""Power of the inertia, :math:`\int\rho\,\frac{v-v_{before}}{\Delta t}\cdot w\,dV`.
+
+    ``change`` is the change of velocity that a material point has seen, ``per_step`` one over the time between.
+    """
     return density * per_step * ufl.inner(change, w) * weight * dx
 
 

@@ -5,8 +5,8 @@ import math
 from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
-from .library import library_warnings
 from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
+from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 from .solid_checks import body_names, solid_problems, solids_of

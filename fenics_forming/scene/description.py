@@ -30,8 +30,8 @@ from ..units import (
     refused,
 )
 from .contacts import Contacts
-from .library import FromLibrary
 from .initial_velocity import InitialVelocity
+from .library import FromLibrary
 from .meshes import Refine, RemeshField
 from .names import Axes, Named, named
 from .process import CountFromOne, Process, Shifting, Steps, Stop

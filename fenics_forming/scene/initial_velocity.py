@@ -3,10 +3,10 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator
 
 from ..errors import SceneError
-from ..laws.described import Described, at_key, one_of
+from ..laws.described import Described, one_of
 from ..laws.equipment import Spin
 from ..units import Length, Rate, Speed, Vector
 
