@@ -20,6 +20,8 @@ COARSE_BILLET = ("workpieces.billet.mesh_size='2 mm'", "steps.stroke='0.5 mm'")
 RING = (DEMOS / "ring_compression.toml").read_text(encoding="utf-8")
 COARSE_RING = ("workpieces.ring.mesh_size='1.25 mm'", "steps.stroke='0.1 mm'", "stop.stroke='1 mm'")
 
+EXTRUSION = (DEMOS / "extrusion.toml").read_text(encoding="utf-8")
+
 BLOCK = """
 title = "A block between two plates in plane strain"
 geometry = "plane_strain"

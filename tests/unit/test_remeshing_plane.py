@@ -312,6 +312,17 @@ def test_same_body_gives_the_same_mesh_to_the_bit(engine):
         assert np.array_equal(getattr(first, name), getattr(second, name)), name
 
 
+@engines
+def test_rounding_of_the_body_or_of_the_sizes_changes_no_cell(engine):
+    """A rectangle of equal squares leaves an engine many choices that only the last digit decides."""
+    body, labels = rectangle((8, 4))
+    noise = 1e-14 * np.random.default_rng(3).uniform(-1, 1, body.x.shape)
+    first = remesh(body, labels, size_of(0.3), engine=engine)
+    second = remesh(BodyArrays(body.x + noise, body.cells), labels, size_of(0.3 * (1 + 1e-14)), engine=engine)
+    assert np.array_equal(first.cells, second.cells)
+    np.testing.assert_allclose(first.x, second.x, atol=1e-13)
+
+
 def test_gmsh_comes_to_the_rescue_where_mmg_fails_or_is_not_installed(monkeypatch):
     body, labels = rectangle((8, 4))
 

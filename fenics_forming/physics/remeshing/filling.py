@@ -8,6 +8,7 @@ from ..meshing import gmsh_model
 from . import mmg
 from .gradation import edges_of, over_mesh
 from .resampling import Outline
+from .rounding import on_a_grid, to_seven_digits
 
 PASSES = 4
 MISFIT = (0.6, 1.7)       # of the length of an edge over the wanted one
@@ -25,8 +26,14 @@ def fill(outline: Outline, sizes, engine: str) -> tuple[np.ndarray, np.ndarray, 
     RuntimeError
         when the engine fails or gives something else than the inside.
     """
-    one_pass = {"mmg": mmg.plane, "gmsh": gmsh_plane}[engine]
-    x, triangles, sides = _checked(outline, one_pass(outline.points, outline.sides, outline.size))
+    make = {"mmg": mmg.plane, "gmsh": gmsh_plane}[engine]
+
+    def one_pass(points, ends, size, cells=None):
+        x, made, new = make(on_a_grid(points), ends, to_seven_digits(size), cells)
+        x[new] = outline.points[outline.sides]
+        return _checked(outline, (x, made, new))
+
+    x, triangles, sides = one_pass(outline.points, outline.sides, outline.size)
     for _ in range(PASSES - 1):
         edges, length = edges_of(x, triangles)
         wanted = np.asarray(sizes(x), dtype=float).copy()
@@ -35,7 +42,7 @@ def fill(outline: Outline, sizes, engine: str) -> tuple[np.ndarray, np.ndarray, 
         ratio = length / wanted[edges].mean(axis=1)
         if np.mean((ratio < MISFIT[0]) | (ratio > MISFIT[1])) <= FEW:
             break
-        x, triangles, sides = _checked(outline, one_pass(x, sides, wanted, triangles))
+        x, triangles, sides = one_pass(x, sides, wanted, triangles)
     return x, triangles, sides
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..meshing import gmsh_model
 from .body_arrays import keys
+from .rounding import on_a_grid, to_seven_digits
 from .straight import Straight, nearest_nodes, volumes
 from .surface import OldSurface
 
@@ -29,10 +30,10 @@ def solid(mesh: Straight, size: np.ndarray, surface: OldSurface) -> Straight:
     with gmsh_model() as gmsh:
         view = None
         try:
-            _discrete(gmsh, mesh.x, mesh.facets, mesh.patch, mesh.lines, mesh.line)
+            _discrete(gmsh, on_a_grid(mesh.x), mesh.facets, mesh.patch, mesh.lines, mesh.line)
             gmsh.model.mesh.createGeometry()
             _volume_within(gmsh)
-            view = _wanted_sizes(gmsh, mesh, size)
+            view = _wanted_sizes(gmsh, mesh, to_seven_digits(size))
             gmsh.model.mesh.generate(3)
             return _read(gmsh, surface)
         except RuntimeError:
@@ -56,7 +57,7 @@ def refill(mesh: Straight) -> Straight:
     facets = facets.reshape(-1, 3)
     with gmsh_model() as gmsh:
         try:
-            _discrete(gmsh, mesh.x[used], facets, mesh.patch)
+            _discrete(gmsh, on_a_grid(mesh.x[used]), facets, mesh.patch)
             _volume_within(gmsh)
             gmsh.option.setNumber("Mesh.Renumber", 0)       # the nodes of the surface are known by their numbers
             gmsh.model.mesh.generate(3)
@@ -129,7 +130,7 @@ def _wanted_sizes(gmsh, mesh, size):
     """The sizes at the nodes of the old cells as a field; the number of its view."""
     for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
         gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-    p = mesh.x[mesh.cells]
+    p = on_a_grid(mesh.x)[mesh.cells]
     view = gmsh.view.add("size")
     gmsh.view.addListData(view, "SS", len(p), np.concatenate([*np.moveaxis(p, 2, 0), size[mesh.cells]], axis=1).ravel())
     field = gmsh.model.mesh.field.add("PostView")

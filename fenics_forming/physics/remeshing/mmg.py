@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .gradation import GROWTH
+from .rounding import on_a_grid, to_seven_digits
 
 if TYPE_CHECKING:       # only solids need what is compiled there
     from .straight import Straight
@@ -101,7 +102,7 @@ def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:
 
     m = mmgpy.MmgMesh3D()
     m.set_mesh_size(vertices=len(mesh.x), tetrahedra=len(mesh.cells), triangles=len(mesh.facets), edges=len(mesh.lines))
-    m.set_vertices(np.ascontiguousarray(mesh.x))
+    m.set_vertices(on_a_grid(mesh.x))
     m.set_tetrahedra(mesh.cells.astype(np.int32), np.ones(len(mesh.cells), np.int64))
     m.set_triangles(mesh.facets.astype(np.int32), mesh.patch.astype(np.int64) + 1)
     if len(mesh.lines):
@@ -110,7 +111,7 @@ def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:
     if len(mesh.corners):
         m.set_corners(mesh.corners.astype(np.int32))
         m.set_required_vertices(mesh.corners.astype(np.int32))
-    m.set_field("metric", np.ascontiguousarray(size, float).reshape(-1, 1))
+    m.set_field("metric", to_seven_digits(size).reshape(-1, 1))
     m.remesh(verbose=-1, hausd=float(chord), hgrad=1 + GROWTH, angle=0)
     facets, patch = (np.array(a, np.int64) for a in m.get_triangles_with_refs())
     lines, line = (np.array(a, np.int64) for a in m.get_edges_with_refs())
