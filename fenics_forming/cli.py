@@ -88,11 +88,10 @@ def _run(options) -> int:
     from mpi4py import MPI
 
     from .results.progress import Progress
-    from .simulation import Simulation
-    total = scene.stop.stroke or scene.stop.time or float("nan")
-    with Progress(MPI.COMM_WORLD, total, quiet=options.quiet) as progress:
-        simulation = Simulation(scene, resume=checkpoint)
-        simulation.run(out, observer=progress)
+    from .simulation import simulation_of
+    total = (scene.stop.stroke or scene.stop.time) if scene.stop is not None else None
+    with Progress(MPI.COMM_WORLD, total or float("nan"), quiet=options.quiet) as progress:
+        simulation_of(scene, resume=checkpoint).run(out, observer=progress)
     return 0
 
 

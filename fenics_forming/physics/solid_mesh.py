@@ -85,7 +85,7 @@ def facing_points(scene, name: str, solids) -> dict[str, np.ndarray | None]:
                 if other in solids and samples[other] is not None:
                     pressed |= _touching(x, solids[other].shape, samples[other])
         for face in {*solid.loads, *tool.loads}:
-            pressed |= _on_face(x, face, scene.axes)
+            pressed |= _on_face(x, face, scene.axes, solid.shape)
         found[part] = x[pressed] if pressed.any() else None
     return found
 
@@ -122,8 +122,19 @@ def _touching(x, shape, samples) -> np.ndarray:
     return cKDTree(samples).query(x)[0] < 2 * near
 
 
-def _on_face(x, face: str, axes) -> np.ndarray:
+def _on_face(x, face: str, axes, shape) -> np.ndarray:
     axis, _, end = face.partition("_")
+    if face in ("surface", "mantle"):
+        return np.ones(len(x), bool)
+    if end.isdigit() and hasattr(shape, "corners"):
+        n, k = len(shape.corners), int(end) - 1
+        if axis == "fillet":
+            arc = shape.rounding(k + 1)
+            return np.abs(np.linalg.norm(x - arc.centre, axis=1) - arc.radius) < 1e-6 * arc.radius
+        start, stop = shape.corners[k % n], shape.corners[(k + 1) % n]
+        along = (stop - start) / np.linalg.norm(stop - start)
+        part = np.clip((x - start) @ along, 0.0, np.linalg.norm(stop - start))
+        return np.linalg.norm(x - start - part[:, None] * along, axis=1) < 1e-6 * np.linalg.norm(stop - start)
     if axis not in axes or end not in ("low", "high"):
         return np.zeros(len(x), bool)
     along = x[:, axes.index(axis)]

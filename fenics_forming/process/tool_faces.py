@@ -84,8 +84,11 @@ class ToolFaces:
         shape = self.solids[name].shape
         if face == "mantle" and shape.kind == "cylinder":
             return self._mantle(name, shape)
-        if first == "side" and hasattr(shape, "corners") and last.isdigit():
-            return self._side(name, shape.corners, int(last))
+        if hasattr(shape, "corners") and last.isdigit():
+            if first == "side":
+                return self._side(name, shape.corners, int(last))
+            if first == "fillet":
+                return self._arc(name, shape.rounding(int(last)))
         return np.empty(0, np.int32)
 
     def _mantle(self, name: str, shape) -> np.ndarray:
@@ -93,6 +96,16 @@ class ToolFaces:
         along = (self._x[name] - shape.base) @ axis
         ends = [(np.abs(along - end) < self._slack).all(axis=1) for end in (0.0, shape.height)]
         return np.setdiff1d(self.surface(name), self._facets[name][ends[0] | ends[1]])
+
+    def _arc(self, name: str, arc) -> np.ndarray:
+        if arc is None:
+            return np.empty(0, np.int32)
+        ends = np.array([arc.start, arc.end])
+        away = self._x[name] - arc.centre
+        on = np.abs(np.linalg.norm(away, axis=-1) - arc.radius) < self._slack
+        towards = ends.mean(axis=0) - arc.centre                # an arc of less than half a turn lies on that side
+        least = ((ends - arc.centre) @ towards).min() - self._slack * np.linalg.norm(towards)
+        return self._facets[name][(on & (away @ towards > least)).all(axis=1)]
 
     def _side(self, name: str, corners, number: int) -> np.ndarray:
         if not 1 <= number <= len(corners):

@@ -40,7 +40,8 @@ def mirrors_of(scene, axes, points):
     """(axis, position) of the planes to mirror at: axis of revolution, planes of symmetry of all bodies."""
     if scene is None:
         return []
-    common = set(axes).intersection(*(set(body.symmetry) for body in scene.workpieces.values()))
+    bodies = scene.workpieces or scene.tools
+    common = set(axes).intersection(*(set(body.symmetry) for body in bodies.values()))
     planes = [(0, 0.0)] if scene.geometry == "axisymmetric" else []
     return planes + [(k, points[:, k].min()) for k, letter in enumerate(axes) if letter in common]
 
@@ -68,11 +69,15 @@ def limits_of(skin, values):
 def label_of(name):
     """Words and unit of a field: "mean stress (MPa)"."""
     words, unit = name_and_unit(name)
+    words = words.replace("von mises", "von Mises stress")
     return f"{words} ({unit})" if unit else words
 
 
 def when(results, time):
-    """Time, and stroke where there is one, in words."""
+    """Time, and stroke where there is one, or the load of tools alone, in words."""
+    if "load_factor" in results.history.columns:
+        level = np.interp(time, results.history.column("step"), results.history.column("load_factor"))
+        return f"step {time:.0f}, load factor {level:.4g}"
     where, columns = f"t = {time:.4g} s", results.history.columns
     if "time_s" in columns and results.tools and f"stroke_{results.main_tool()}_mm" in columns:
         stroke = np.interp(time, results.history.column("time_s"), results.stroke())

@@ -9,7 +9,7 @@ import numpy as np
 
 from .files import ResultsError, on_rank_zero, whole_file
 
-COUNTS = ("step", "newton_iterations", "remeshings")
+COUNTS = ("step", "newton_iterations", "remeshings", "cut_backs")
 
 
 class History:

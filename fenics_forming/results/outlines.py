@@ -18,7 +18,7 @@ def tool_outlines(results, time: float, points: np.ndarray, mirrors=()) -> list[
     -------
     segments (k, 2, 2) for each tool; none without a scene
     """
-    if not getattr(results.scene, "tools", None):
+    if not getattr(results.scene, "tools", None) or results.scene.is_tools_alone:
         return []
     from ..physics.contact.drawing import clip
     from ..physics.tools import known_tools

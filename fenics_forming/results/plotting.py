@@ -23,8 +23,12 @@ from .drawing import (
 from .flow_lines import lines_at
 from .outlines import as_segments, flipped, tool_outlines
 from .plotting2d import draw, figure_size, levels_of
+from .plotting_tools import plot_load_displacement, visible
 from .results import thousands
 from .skin import Skin
+
+FIELDS = ("effective_strain", "mean_stress", "temperature", "von_mises", "displacement")
+"""Of which `plot_run` draws the last frame, where the run has them."""
 
 
 def plot_force_stroke(
@@ -85,6 +89,7 @@ def plot_fields(
     mesh: bool = True,
     tools=None,
     limits=None,
+    magnify: float | None = None,
     ax=None,
 ):
     """A field on the body as it lies in one frame; on the mesh alone its flow lines.
@@ -100,6 +105,7 @@ def plot_fields(
     tools : outlines of tools, (k, 2) arrays of points (in the plane only); None: those of the scene, where
         they are at that time
     limits : (low, high) of the colours; None: of the field, without a peak in a few spots
+    magnify : how many times as large displacements of tools are drawn; None: so that they can be seen
     ax : matplotlib axes to draw in (in the plane only); None: a new figure
 
     Returns
@@ -116,8 +122,10 @@ def plot_fields(
     if field is not None:
         name, values = skin.field(field)
         limits = limits or limits_of(skin, values)
+    times = 0.0 if field is None else visible(results, skin) if magnify is None else magnify
     axes = AXES.get(getattr(results.scene, "geometry", None), "xyz")
     mirrors = mirrors_of(results.scene, axes, skin.points) if mirror else []
+    skin = skin.deformed(times)
     for axis, at in mirrors:
         skin = skin.mirrored(axis, at)
     lines = lines_at(results, time) if field is None else []
@@ -125,6 +133,7 @@ def plot_fields(
         lines += [flipped(line, axis, at) for line in lines]
     values, label = (None, "") if field is None else (skin.field(field)[1], label_of(name))
     title = f"{wrapped(results.title)}\n{when(results, time)}"
+    title += f", displacements \N{MULTIPLICATION SIGN} {times:g}" if times else ""
     if skin.points.shape[1] == 3:
         from . import plotting3d
 
@@ -147,7 +156,8 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
     """The pictures of a run in ``folder``, as far as the run has the numbers.
 
     ``force_stroke.png`` and, of the last frame, ``effective_strain.png``, ``mean_stress.png``,
-    ``temperature.png`` and ``mesh.png``.
+    ``temperature.png`` and ``mesh.png``; of tools alone ``load_displacement.png``, ``von_mises.png`` and
+    ``displacement.png``.
 
     Returns
     -------
@@ -159,9 +169,12 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
     if has_curve(results):
         close(plot_force_stroke(results, path=folder / "force_stroke.png"))
         made.append(folder / "force_stroke.png")
+    if "load_factor" in results.history.columns and len(results.history) > 2:
+        close(plot_load_displacement(results, path=folder / "load_displacement.png"))
+        made.append(folder / "load_displacement.png")
     if results.frames:
         there = Skin.read(frame_of(results, -1)[1])
-        for field in filter(there.full_name, ("effective_strain", "mean_stress", "temperature")):
+        for field in filter(there.full_name, FIELDS):
             close(plot_fields(results, field, path=folder / f"{field}.png", tools=tools))
             made.append(folder / f"{field}.png")
         close(plot_fields(results, None, path=folder / "mesh.png", tools=tools))

@@ -158,8 +158,8 @@ class Progress(Silent):
 
 def _telling(row):
     """The columns of a history that a person watches."""
-    wanted = ["step", "time_s"]
-    for start in ("stroke_", "force_", "torque_"):
+    wanted = ["step", "time_s", "load_factor"]
+    for start in ("stroke_", "force_", "torque_", "max_displacement_", "max_von_mises_", "contact_pressure_"):
         wanted += [c for c in row if c.startswith(start)]
     return tuple(c for c in wanted + ["max_strain", "max_effective_strain", "newton_iterations"] if c in row)
 

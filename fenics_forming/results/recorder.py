@@ -226,7 +226,7 @@ class Recorder:
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
             "wall_s_by_part": parts,
             "share_outside_assembly_and_solve": 1.0 - (parts["assembly"] + parts["linear solve"]) / wall if wall else 0.0,
-            "peak_memory_MB": _peak_memory(self.comm),
+            "peak_memory_MB": peak_memory(self.comm),
         }
 
     def _parts(self) -> list[str]:
@@ -259,7 +259,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _peak_memory(comm) -> list[float]:
+def peak_memory(comm) -> list[float]:
     """Peak resident memory of every rank, MB."""
     import resource
     return comm.allgather(round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1))

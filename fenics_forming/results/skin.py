@@ -87,6 +87,12 @@ class Skin:
         shared = np.concatenate([np.arange(n), np.where(on_plane, np.arange(n), np.arange(n, 2 * n))])
         return replace(both, faces=shared[both.faces])
 
+    def deformed(self, times: float) -> Skin:
+        """This skin with its displacements, as many times as large, added to its points; as it is where it has none."""
+        if "displacement_mm" not in self.fields:
+            return self
+        return replace(self, points=self.points + times * self.fields["displacement_mm"][:, : self.points.shape[1]])
+
     @property
     def triangles(self) -> np.ndarray:
         """Four straight triangles for each face, (4 m, 3)."""

@@ -1,11 +1,11 @@
 """How a process is run: the way the material is moved, the steps, the end."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema, model_validator
 
 from ..laws.described import Described, at_key
-from ..units import Count, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, refused
+from ..units import Count, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, kind_of, refused
 
 SCHEMES = ("explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation")
 Scheme = Literal["explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation"]
@@ -124,18 +124,40 @@ def _adaptive(value):
     return {True: Adaptive(), False: None}[value] if isinstance(value, bool) else value
 
 
+_FACTOR = kind_of(Number)
+
+
+def _load_steps(value):
+    expected = "a number of steps such as 10, or a list of load factors such as [0.5, 1, 0]"
+    if value is None:
+        return None
+    if isinstance(value, int) and not isinstance(value, bool):
+        if value < 1:
+            raise refused(value, "is too small", expected)
+        return value
+    if not isinstance(value, (list, tuple)) or not value:
+        raise refused(value, "is no number of steps", expected)
+    return tuple(_FACTOR.parse(factor) for factor in value)
+
+
+_LOADS_SCHEMA = WithJsonSchema({"anyOf": [{"type": "integer"}, {"type": "array"}]})
+LoadSteps = Annotated[Any, BeforeValidator(_load_steps), _LOADS_SCHEMA]
+
+
 class Steps(Described):
     """How the process is cut into steps.
 
     Parameters
     ----------
-    stroke : of the tool in a step, mm; or time : of a step, s; exactly one of them. tool : name of the tool whose
+    stroke : of the tool in a step, mm; or time : of a step, s; or loads : of tools alone, the number of equal steps to
+    their full loads, or the list of load factors to go through; exactly one of them. tool : name of the tool whose
     stroke counts, the first driven one if not given. adaptive : true, or a table with the keys of `Adaptive`.
     scheme : how the material is moved in a step, one of `SCHEMES`; "implicit" is the midpoint scheme, solved again.
     """
 
     stroke: Positive(Length) | None = None
     time: Positive(Time) | None = None
+    loads: LoadSteps = None
     scheme: Scheme = "implicit"
     adaptive: Annotated[
         Adaptive | None, BeforeValidator(_adaptive, json_schema_input_type=bool | Adaptive | None)
@@ -144,10 +166,12 @@ class Steps(Described):
 
     @model_validator(mode="after")
     def _one_size(self):
-        if self.stroke is None and self.time is None:
+        given = [key for key in ("stroke", "time", "loads") if getattr(self, key) is not None]
+        if not given:
             raise at_key("stroke", "is missing; expected 'stroke' or 'time' as the size of a step")
-        if self.stroke is not None and self.time is not None:
-            raise at_key("time", "is given together with 'stroke'; the size of a step is one of them", self.time)
+        if len(given) > 1:
+            sentence = f"is given together with '{given[0]}'; the size of a step is one of them"
+            raise at_key(given[1], sentence, getattr(self, given[1]))
         return self
 
 

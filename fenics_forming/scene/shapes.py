@@ -67,6 +67,13 @@ class ClosedOutline(Shape):
         """The outline as `Line`s and `Arc`s, counter-clockwise: the material of the shape on the left."""
         return rounded_pieces(self.corners, self.radii, closed=True)
 
+    def rounding(self, number):
+        """The `Arc` that rounds a corner, counted from 1 as the corners are; None where it is sharp."""
+        arcs = [piece for piece in self.pieces if isinstance(piece, Arc)]
+        order = [*range(1, len(self.corners)), 0]      # the outline starts behind its first corner
+        rounded = [k + 1 for k in order if self.radii[k] > 0]
+        return arcs[rounded.index(number)] if number in rounded else None
+
     @cached_property
     def outline(self):
         """The outline as a polygon (arcs cut into 72 sides a turn), first point not repeated, shape (n, 2)."""

@@ -159,7 +159,8 @@ def _faces(scene, shapes):
     if any(shape.kind == "cylinder" for shape in shapes):
         found.append("mantle")
     sides = max((len(shape.corners) for shape in shapes if hasattr(shape, "corners")), default=0)
-    return found + [f"side_{k}" for k in range(1, sides + 1)]
+    rounded = {k + 1 for shape in shapes if hasattr(shape, "corners") for k, r in enumerate(shape.radii) if r > 0}
+    return found + [f"side_{k}" for k in range(1, sides + 1)] + [f"fillet_{k}" for k in sorted(rounded)]
 
 
 def _is_flat(shape, axis, value, slack):

@@ -104,8 +104,8 @@ class Solid(Described):
     material : name of a material with elastic constants. mesh_size : mm, or { contact, far }; chosen if not given.
     held : faces with the axes on which they are held, such as { z_low = "z" } or { z_high = ["x", "y"] }, or how far they
     are moved on them, { z_low = { z = "0.1 mm" } }. loads, springs : on faces.
-    A flat face is named by its axis and end, such as `r_low`; `side_N` is the side from point N of a polygon on, `mantle`
-    that of a cylinder, `surface` all that no mirror plane cuts off.
+    A flat face is named by its axis and end, such as `r_low`; `side_N` is the side of a polygon from its point N on,
+    counter-clockwise, `fillet_N` the rounding there, `mantle` that of a cylinder, `surface` all but mirror planes.
     """
 
     material: str | None = None

@@ -4,7 +4,7 @@
 ``checkpointing`` writes and reads the whole.
 """
 
-from .run import Simulation, simulate
+from .run import Simulation, simulate, simulation_of
 from .state import State
 
-__all__ = ["Simulation", "State", "simulate"]
+__all__ = ["Simulation", "State", "simulate", "simulation_of"]

@@ -218,4 +218,14 @@ def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm
     scene : from ``Scene(...)`` or ``read_scene(path)``
     out : folder for the results; without it they stay in memory
     """
-    return Simulation(scene, comm=comm).run(out, observer=observer)
+    return simulation_of(scene, comm=comm).run(out, observer=observer)
+
+
+def simulation_of(scene: Scene, *, comm=MPI.COMM_WORLD, resume: Path | str | None = None):
+    """What runs a scene: a `Simulation`, or a `ToolSimulation` where nothing is formed."""
+    if not scene.is_tools_alone:
+        return Simulation(scene, comm=comm, resume=resume)
+    if resume is not None:
+        raise SceneError("--resume: tools alone leave no checkpoint; run without it")
+    from .tools_alone import ToolSimulation
+    return ToolSimulation(scene, comm=comm)

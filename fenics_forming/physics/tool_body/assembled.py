@@ -64,15 +64,23 @@ class AssembledSolver(PlasticSolver):
         self.contacts = [BodyContact(body.nodes, body.state.kinematics, c.slave, c.master, dofs=dofs, owned=body.owned,
                                      free=~body.is_held, element=c.element) for c in contacts]
         self._merged: PETSc.Mat | None = None
-        self._touching: float | None = TOUCHING * float(np.linalg.norm(np.diff(body.nodes.extents(), axis=0)))
+        self._touching = self._touch = TOUCHING * float(np.linalg.norm(np.diff(body.nodes.extents(), axis=0)))
         stiffness = self._stiffness()
         for contact, given in zip(self.contacts, contacts, strict=True):
             contact.search(body.nodes.x, 1.0)
-            if given.interference is not None:
-                contact.state.gap = np.where(np.isfinite(contact.state.gap), -given.interference, np.inf)
+            _declare(contact, given.interference)
             contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
+        self._given = contacts
         self._respond()
         self._balanced, self._accepted_tangents = self._forces, self._tangents
+        self._touching = None
+
+    def set_interference(self, part: float) -> None:
+        """Let the parts of the next solve overlap by a part of what is declared: a way to bring it on in steps."""
+        for contact, given in zip(self.contacts, self._given, strict=True):
+            _declare(contact, None if given.interference is None else part * given.interference)
+        self._touching = self._touch
+        self._forces = self.internal_forces()
         self._touching = None
 
     def _stiffness(self) -> np.ndarray:
@@ -143,3 +151,9 @@ class AssembledSolver(PlasticSolver):
         else:
             merged.copy(self._merged, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._direct.factorise()
+
+
+def _declare(contact: BodyContact, interference: float | None) -> None:
+    """Points over the other part start with this overlap, mm, whatever gap the mesh has; nothing where it is None."""
+    if interference is not None:
+        contact.state.gap = np.where(np.isfinite(contact.state.gap), -interference, np.inf)

@@ -92,10 +92,10 @@ class ElasticSolver:
     Attributes
     ----------
     force : nodal forces of the loads of the last solve · factor : the factorised stiffness
-    plastic : None, as there is no plastic state · reached : 1, since every load can be carried
+    plastic : None, as there is no plastic state · reached : 1, since every load can be carried · cuts : 0
     """
 
-    plastic, reached = None, 1.0
+    plastic, reached, cuts = None, 1.0, 0
 
     def __init__(self, body: ToolBody):
         self.body, self.factor = body, ElasticFactor(body)

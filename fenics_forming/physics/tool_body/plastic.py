@@ -60,7 +60,7 @@ class PlasticSolver:
     Attributes
     ----------
     plastic : `PlasticState` · force : nodal forces of the loads that are carried now
-    reached : part of the way from the loads before to those of the last solve
+    reached : part of the way from the loads before to those of the last solve · cuts : of load steps, since the start
     external_work, plastic_work, thermal_work : mJ, since the start; the last that of the stresses on the thermal strains
     """
 
@@ -84,7 +84,7 @@ class PlasticSolver:
         self._trial = self.plastic
         self.force = body.new_vector()
         self.external_work = self.plastic_work = self.thermal_work = 0.0
-        self.reached, self._held, self._largest_force = 1.0, 0.0, 0.0
+        self.reached, self._held, self._largest_force, self.cuts = 1.0, 0.0, 0.0, 0
         self._forces = self.force.copy()
         self._balanced = self._forces           # internal forces of the accepted state
         self._accepted = body.displacement.x.array.copy()
@@ -120,6 +120,7 @@ class PlasticSolver:
             except ConvergenceError as failure:
                 history.append(failure.sentence)
                 self._take_back()
+                self.cuts += 1
                 size *= 0.5
                 if size < self.settings.smallest_step:
                     raise self._collapse(history) from failure

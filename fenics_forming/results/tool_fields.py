@@ -1,0 +1,71 @@
+"""Fields and numbers of a deformed tool under names that carry their units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.parallel import highest, lowest, total
+
+
+def point_data(field, contacts=()) -> dict[str, np.ndarray]:
+    """What a frame shows of a `ToolField`, by name, at the nodes; with contacts also the pressure between the parts."""
+    data = {"displacement_mm": field.displacement, "von_mises_MPa": field.von_mises, "mean_stress_MPa": field.mean_stress}
+    data |= stresses(field)
+    if field.body.yields:
+        data["effective_strain"] = field.plastic_strain
+    if contacts:
+        data["contact_pressure_MPa"] = sum(nodal_pressure(field.body.nodes, contact) for contact in contacts)
+    return data
+
+
+def stresses(field) -> dict[str, np.ndarray]:
+    """Components of the stress by name, such as "stress_rr_MPa"."""
+    return {f"stress_{name}_MPa": values for name, values in zip(field.components, field.stress.T, strict=True)}
+
+
+def nodal_pressure(nodes, contact) -> np.ndarray:
+    """Weighted mean of the pressure between two parts at the nodes of the surface that holds its points, (nodes,) MPa."""
+    points = contact.points
+    corners, w = points.sides[:, : nodes.dim], contact.weights.reshape(-1, points.per_side)
+    w = np.where(np.isfinite(contact.state.gap).reshape(w.shape), w, 0.0)
+    share, load = (np.einsum("fq,qa->fa", values, points.hats).ravel()
+                   for values in (w, w * contact.state.pressure.reshape(w.shape)))
+    sums = np.stack([np.bincount(corners.ravel(), values, nodes.count) for values in (load, share)], axis=1)
+    sums = nodes.sum_over_ranks(sums)
+    return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(nodes.count), where=sums[:, 1] > 0)
+
+
+def contact_numbers(contact, comm) -> dict[str, float]:
+    """Force with which two parts press on one another, N, the sum over their surface, and its mean where they touch, MPa.
+    Collective."""
+    state, w = contact.state, contact.weights
+    closed = state.active & np.isfinite(state.gap)
+    force, area = total(comm, np.array([state.pressure[closed] @ w[closed], w[closed].sum()]))
+    return {"force": float(force), "pressure": float(force / area) if area else 0.0}
+
+
+def part_numbers(field, parts, name: str) -> dict:
+    """Largest displacement and stress of a part, how much of it has flowed, and its extents now. Collective."""
+    body, comm = field.body, field.body.nodes.comm
+    mine = parts.of_node == parts.names.index(name)
+    moved = body.nodes.x[mine] + field.displacement[mine]
+    found = {"largest_displacement_mm": highest(comm, _largest(np.linalg.norm(field.displacement[mine], axis=1))),
+             "largest_von_mises_MPa": highest(comm, _largest(field.von_mises[mine]))}
+    if body.yields:
+        rows = body.points_of(parts.cells_of(name))
+        flowed, whole = total(comm, np.array([body.volumes[rows] @ (field.solver.plastic.effective[rows] > 0),
+                                              body.volumes[rows].sum()]))
+        found |= {"largest_effective_strain": highest(comm, _largest(field.plastic_strain[mine])),
+                  "share_that_flowed": float(flowed / whole)}
+    low, high = lowest(comm, moved.min(axis=0, initial=np.inf)), highest(comm, moved.max(axis=0, initial=-np.inf))
+    return found | {"extents_mm": np.array([low, high])}
+
+
+def energies(field) -> dict[str, float]:
+    """Work of the loads and where it went, mJ (mJ/mm in the plane), of the part that is meshed."""
+    return {"external_work_mJ": field.external_work, "elastic_energy_mJ": field.elastic_energy,
+            "spring_energy_mJ": field.spring_energy, "plastic_work_mJ": field.plastic_work}
+
+
+def _largest(values) -> float:
+    return float(values.max(initial=0.0))
