@@ -3,7 +3,21 @@
 from .damage import CockcroftLatham, Damage, DamageLaw
 from .described import Described, one_of
 from .elasticity import Elasticity
-from .equipment import CrankPressDrive, Drive, DriveLaw, HydraulicDrive, RotationDrive, SpeedDrive, Spin, TableDrive
+from .equipment import (
+    CrankPressDrive,
+    Drive,
+    DriveLaw,
+    EnergyDrive,
+    Follower,
+    HammerDrive,
+    HydraulicDrive,
+    RatioDrive,
+    RotationDrive,
+    ScrewPressDrive,
+    SpeedDrive,
+    Spin,
+    TableDrive,
+)
 from .flow_stress import (
     RATE_FLOOR,
     SHEAR,
@@ -53,10 +67,13 @@ __all__ = [
     "Drive",
     "DriveLaw",
     "Elasticity",
+    "EnergyDrive",
     "FlowStress",
     "FlowStressLaw",
+    "Follower",
     "Friction",
     "FrictionLaw",
+    "HammerDrive",
     "HenselSpittel",
     "Hollomon",
     "HydraulicDrive",
@@ -67,7 +84,9 @@ __all__ = [
     "NoFriction",
     "NortonHoff",
     "Power",
+    "RatioDrive",
     "RotationDrive",
+    "ScrewPressDrive",
     "Siebel",
     "SpeedDrive",
     "Spin",

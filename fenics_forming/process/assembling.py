@@ -77,7 +77,7 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
                           mass=mass_of(scene, parts))
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
                        surfaces={name: _surface(parts, name, kinematics, mirrors[name]) for name in parts.names},
-                       drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
+                       drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=_temperature(scene, parts), damage=_damage(materials, parts),
                        initial_velocity=velocity_of(scene, nodes, parts))
 

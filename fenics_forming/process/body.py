@@ -14,6 +14,7 @@ from ..physics.workpiece import Workpiece
 from .approach import NEAR, time_to_contact
 from .frozen import FrozenField
 from .integration import Flow
+from .machines import Rams
 from .shifting import put_on_tools
 from .volume import FreeSurface, Restored
 
@@ -51,6 +52,7 @@ class FlowingBody:
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
         self._drives, self.boundary, self.height_axis = drives, boundary, height_axis
+        self.rams = Rams(drives)
         self.interfaces, self.parts = workpiece.interfaces, workpiece.parts
         self.free_surface, self.surfaces = free_surface, surfaces or {}
         self._temperature = None if temperature is None else np.full(self.nodes.count, temperature, float)
@@ -84,6 +86,7 @@ class FlowingBody:
 
     def settle(self, time: float) -> None:
         """A step has ended at ``time``: what tools have moved by themselves is where their next motions start."""
+        self.rams.arrive(time)
         for tool in self.tools:
             if tool.free is not None:
                 tool.free.settle(time)
@@ -238,6 +241,11 @@ class FlowingBody:
         if self.inverted():
             raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try smaller "
                                    "steps, a coarser mesh near the fold, or stop earlier")
+        flow = self._flow(time, history, dt, ahead, gaps)
+        self.rams.feel(self.contact, time)
+        return flow
+
+    def _flow(self, time: float, history: dict, dt: float, ahead: float, gaps: dict | None) -> Flow:
         self.search(ahead * dt)
         for tool in self.tools if gaps is not None else ():
             tool.state.gap = gaps[tool.name]
@@ -365,7 +373,8 @@ class FlowingBody:
         states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
         moving = None if self.inertia is None else self.inertia.snapshot()
-        return self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states, moving
+        return (self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states, moving,
+                self.rams.memory())
 
     def continues(self, other: FlowingBody) -> None:
         """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
@@ -375,7 +384,8 @@ class FlowingBody:
             self.contact.reference = other.contact.reference
 
     def restore(self, snapshot: tuple) -> None:
-        x, solution, tau, cold, last_rate, motions, states, moving = snapshot
+        x, solution, tau, cold, last_rate, motions, states, moving, rams = snapshot
+        self.rams.remember(rams)
         w = self.workpiece
         if self.inertia is not None:
             self.inertia.restore(moving)

@@ -32,7 +32,7 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
                           flow_stress=material.flow_stress, mass=mass_of(scene))
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
                        free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
-                       drives={name: t.drive for name, t in scene.tools.items() if t.drive is not None},
+                       drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=scene.workpiece.temperature, damage=material.damage,
                        initial_velocity=velocity_of(scene, nodes))
 

@@ -36,16 +36,21 @@ class StepChoice:
     Parameters
     ----------
     nominal : f(time) → the wanted step, s
-    landmarks : times that must be hit exactly, s
+    landmarks : times that must be hit exactly, s; or f() → them, where they become known in the run
     adaptivity : None for equal steps
     min_fraction : of the nominal step; a step that would have to be shorter fails
     """
 
     def __init__(self, nominal, landmarks=(), adaptivity: Adaptivity | None = None, min_fraction: float = 1e-3):
-        self._nominal, self._landmarks = nominal, np.sort(np.asarray(list(landmarks), float))
+        self._nominal, self._given_landmarks = nominal, landmarks
         self._adaptivity, self.min_fraction = adaptivity, min_fraction
         self._fraction = 1.0
         self._reason = "step"
+
+    @property
+    def _landmarks(self) -> np.ndarray:
+        times = self._given_landmarks() if callable(self._given_landmarks) else self._given_landmarks
+        return np.sort(np.asarray(list(times), float))
 
     @property
     def fraction(self) -> float:
@@ -66,7 +71,8 @@ class StepChoice:
             allowed = self._adaptivity.max_strain_increment / fast if fast > 0 else np.inf
             if allowed < dt:
                 dt, reason = max(allowed, nominal * self.min_fraction), "strain"
-        ahead = self._landmarks[self._landmarks > time + 1e-9 * nominal]
+        landmarks = self._landmarks
+        ahead = landmarks[landmarks > time + 1e-9 * min(nominal, 1e30)]
         if ahead.size:
             left = ahead[0] - time
             if dt >= left * (1 - 1e-9):
@@ -77,7 +83,8 @@ class StepChoice:
 
     def end_of(self, time: float, dt: float) -> float:
         """time + dt, free of rounding where that is to be hit exactly: drives may jump there."""
-        near = self._landmarks[np.abs(self._landmarks - (time + dt)) <= 1e-9 * dt]
+        landmarks = self._landmarks
+        near = landmarks[np.abs(landmarks - (time + dt)) <= 1e-9 * dt]
         return float(near[0]) if near.size else time + dt
 
     def failed(self, time: float, tried: float) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..physics.parallel import highest, lowest, total
+from ..scene import copies
 from .ledger import DamageLedger
 
 
@@ -24,14 +25,8 @@ class BodyRecord:
 
     # ------------------------------------------------------------------ rows
     def copies(self, direction=None, name: str | None = None) -> int:
-        """Parts of the whole body that the mesh stands for; with a direction, those on which the same tool pushes.
-
-        A mirror plane across the direction of the force has another tool on its far side. Without the ``name`` of a body
-        those of all together.
-        """
-        bodies = self.scene.workpieces.values() if name is None else [self.scene.workpieces[name]]
-        axes = {self.scene.axes.index(a) for body in bodies for a in body.symmetry}
-        return 2 ** sum(direction is None or abs(direction[a]) < 0.5 for a in axes)
+        """Parts of the whole body that the mesh stands for (``scene.copies``)."""
+        return copies(self.scene, direction, name)
 
     def volumes(self) -> dict[str, float]:
         """Columns of volumes and their errors."""

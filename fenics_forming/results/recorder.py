@@ -105,7 +105,8 @@ class Recorder:
         unit = "N_per_mm" if scene.geometry == "plane_strain" else "N"
         row: dict[str, float] = {"step": state.step, "time_s": state.time, "dt_s": state.dt}
         for tool in scene.driven_tools:
-            row[f"stroke_{tool}_mm"] = float(scene.tools[tool].drive.travel(state.time))
+            row[f"stroke_{tool}_mm"] = float(run.drives[tool].travel(state.time))
+        row |= {f"energy_{name}_mJ": ledger["left"] for name, ledger in body.rams.ledger().items()}
         for tool in body.tools:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:
@@ -218,7 +219,8 @@ class Recorder:
             "parts_built": self._parts(),
             "extents_mm": self.bodies.extents(),
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
-            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}),
+            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
+            ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),

@@ -2,6 +2,7 @@
 
 from .checks import check
 from .contacts import Contact
+from .copies import copies
 from .description import AXES, FlowLine, Material, Output, Scene, Solver, Tool, TrackedPoint, Workpiece
 from .meshes import BoxDomain, CylinderDomain, NearSurface, NearTool, Remesh, SphereDomain
 from .process import SCHEMES, Adaptive, Process, Shifting, Steps, Stop
@@ -51,6 +52,7 @@ __all__ = [
     "TrackedPoint",
     "Workpiece",
     "check",
+    "copies",
     "read_scene",
     "write_scene",
 ]

@@ -5,6 +5,7 @@ import math
 from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
+from .drive_checks import ratio_problems, stop_problems
 from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
 from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
@@ -57,6 +58,7 @@ def _name_problems(scene):
             if part.body not in bodies:
                 what = "workpiece" if bodies is scene.workpieces else "body"
                 yield _unknown_name(f"{group}.{name}.body", part.body, what, bodies)
+    yield from ratio_problems(scene)
     if scene.steps is not None and scene.steps.tool is not None and scene.steps.tool not in scene.tools:
         yield _unknown_name("steps.tool", scene.steps.tool, "tool", scene.tools)
 
@@ -137,7 +139,7 @@ def _step_problems(scene):
         yield SceneError(f"{what}; expected at least one with a 'drive'", key="tools", allowed="a driven tool")
         return
     name = scene.counting_tool
-    drive, steps, stop = scene.tools[name].drive, scene.steps, scene.stop
+    drive, steps, stop = scene.drive(name), scene.steps, scene.stop
     if drive is None or not drive.moves:
         sentence = (
             f"the tool '{name}' does not move, so that it has no stroke; allowed: {', '.join(scene.driven_tools)}"
@@ -158,9 +160,7 @@ def _step_problems(scene):
 
 def _size_problems(scene, drive, name):
     steps, stop = scene.steps, scene.stop
-    if stop.dead_centre and drive.dead_centre_time is None:
-        sentence = f"the drive '{drive.kind}' of the tool '{name}' has no dead centre; expected a crank_press"
-        yield SceneError(sentence, key="stop.dead_centre", got=drive.kind, allowed="the drive 'crank_press'")
+    yield from stop_problems(scene, drive, name)
     for key in ("stroke", "time"):
         size, end = getattr(steps, key), getattr(stop, key)
         if size is not None and end is not None and size > end:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..laws import DriveLaw, FlowStressLaw, FrictionLaw, NoFriction
+from ..laws import DriveLaw, FlowStressLaw, Follower, FrictionLaw, NoFriction, RatioDrive
 from ..laws.damage import DamageLaw
 from ..laws.described import Described, at_key
 from ..laws.elasticity import Elasticity, Hardening
@@ -241,7 +241,9 @@ class Scene(Described):
     contacts: Contacts = ()
     process: Process = Process()
     steps: Steps | None = Field(None, description="a table with 'stroke' or 'time', the size of a step")
-    stop: Stop | None = Field(None, description="a table with one of stroke, time, force, height, dead_centre")
+    stop: Stop | None = Field(
+        None, description="a table with one of stroke, time, force, height, dead_centre, energy_spent"
+    )
     output: Output = Output()
     solver: Solver = Solver()
 
@@ -325,6 +327,14 @@ class Scene(Described):
         """The scene with one of its workpieces only, to do with that what is done with a single one."""
         return self.model_copy(update={"workpieces": Named({name: self.workpieces[name]}), "contacts": ()})
 
+    def drive(self, name, among=None):
+        """What moves a tool: its drive, of a tool that follows another one tied to that of the other.
+
+        among : tool → what stands for its drive, as in a run
+        """
+        given = (among or {}).get(name, self.tools[name].drive)
+        return Follower(self.drive(given.of, among), given) if isinstance(given, RatioDrive) else given
+
     @property
     def driven_tools(self):
         """Names of the tools that move, in order."""
@@ -335,8 +345,9 @@ class Scene(Described):
         """Name of the tool whose stroke and force count in steps and stop; None if no tool moves."""
         if self.steps is not None and self.steps.tool is not None:
             return self.steps.tool
-        travelling = [name for name in self.driven_tools if self.tools[name].drive.direction is not None]
-        return next(iter([*travelling, *self.driven_tools]), None)
+        leading = [name for name in self.driven_tools if not isinstance(self.tools[name].drive, RatioDrive)]
+        travelling = [name for name in leading if self.tools[name].drive.direction is not None]
+        return next(iter([*travelling, *leading]), None)
 
     def to_toml(self):
         """The scene as TOML text; numbers in internal units, keys with their default left out."""

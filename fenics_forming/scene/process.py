@@ -182,7 +182,7 @@ class Stop(Described):
     ----------
     stroke : of the tool that counts in the steps, mm. time : s. force : of that tool, N (N/mm in plane strain).
     height : extent of the modelled part of the workpiece along the direction of the drive, mm. dead_centre : true, at the
-    bottom dead centre of a crank press.
+    bottom dead centre of a crank press. energy_spent : true, where the last blow of a hammer or screw press has ended.
     """
 
     stroke: Positive(Length) | None = None
@@ -190,9 +190,11 @@ class Stop(Described):
     force: Positive(ForceOrLineForce) | None = None
     height: Positive(Length) | None = None
     dead_centre: Flag = False
+    energy_spent: Flag = False
 
     @model_validator(mode="after")
     def _any(self):
-        if not any((self.stroke, self.time, self.force, self.height, self.dead_centre)):
-            raise at_key("", "is empty; expected at least one of stroke, time, force, height, dead_centre")
+        if not any((self.stroke, self.time, self.force, self.height, self.dead_centre, self.energy_spent)):
+            known = "stroke, time, force, height, dead_centre, energy_spent"
+            raise at_key("", f"is empty; expected at least one of {known}")
         return self

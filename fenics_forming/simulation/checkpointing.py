@@ -25,6 +25,7 @@ def save(run, path: Path, state: State) -> None:
         "power_ledger": run.power_ledger.memory(), "folds": run.folds.memory(),
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
+        "rams": run.body.rams.memory(),
         "size": run.body.size, "reach": run.body.reach, "scheme": numbers,
         "meshing": None if run.keeper is None else run.keeper.memory()},
         nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
@@ -45,6 +46,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     run.scheme.remember(saved["scheme"], {name.removeprefix("scheme."): values for name, values in local.items()
                                            if name.startswith("scheme.")})
     body.speed = saved["speed"]
+    body.rams.remember(saved["rams"])
     if body.contact is not None:
         body.contact.reference = saved["penalty"]
     body.move_tools(saved["time"])

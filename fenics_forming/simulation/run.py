@@ -14,6 +14,7 @@ from ..physics.nodes import Nodes
 from ..physics.tools import known_tools
 from ..physics.tracking import MaterialPoints
 from ..process.body import FlowingBody
+from ..process.machines import drives_of
 from ..process.placing import flowing_body, mirror_planes
 from ..results.checkpoint import load_checkpoint
 from ..results.folds import FoldRecord
@@ -49,7 +50,9 @@ class Simulation:
         start = perf_counter()
         self.scene, self.comm = scene, comm
         self.warnings = check(scene)
-        tools = known_tools(scene)
+        tools, self.drives = known_tools(scene), drives_of(scene)
+        for tool in tools:
+            tool.drive = self.drives.get(tool.name)
         self._saved = load_checkpoint(resume) if resume is not None else None
         body = self._placed(tools)
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]
@@ -63,8 +66,9 @@ class Simulation:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
             self.power_ledger.remember(self._saved.scalars["power_ledger"])
             self.folds.remember(self._saved.scalars["folds"])
-        self.stepper = Stepper(scene, body, Stops(scene), keeper=self._mesh_keeper(), volume_ledger=self.volume_ledger,
-                               force=lambda: self._recorder.force(scene.counting_tool), on_new_mesh=self._relocate)
+        self.stepper = Stepper(scene, body, Stops(scene, self.drives), keeper=self._mesh_keeper(),
+                               volume_ledger=self.volume_ledger, force=lambda: self._recorder.force(scene.counting_tool),
+                               on_new_mesh=self._relocate)
         self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})

@@ -79,6 +79,7 @@ class Stepper:
                 raise
             hit = min((dt * (wanted - then) / (now - then) for (then, wanted, near), (now, *_) in
                        zip(watched, self._watched(), strict=False) if then < wanted < now - near), default=None)
+            hit = min((time for time in (hit, body.rams.time_left) if time is not None and time < np.inf), default=None)
             if hit is not None and tries < 8 and dt > 1e-3 * limit.dt:      # a force may jump: then no step hits it
                 tries, shortened = tries + 1, hit
                 self._go_back(before, scheme, state.time)
@@ -133,7 +134,8 @@ class Stepper:
         """The state after a step of ``dt``, the solves it took, and its error estimate, mm."""
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
-        end = self._travel(state, dt) if travels else scheme.advance(body, state.flow, state.time, state.history, dt)
+        start = body.rams.begin(state.flow, dt)
+        end = self._travel(state, dt) if travels else scheme.advance(body, start, state.time, state.history, dt)
         body.settle(self.choice.end_of(state.time, dt))
         history = end.history if travels or self.keeper is None else hold_corners(body, end.history)
         changes = {} if travels else self._account_for_volume()
@@ -141,7 +143,7 @@ class Stepper:
         turns = time in self.stops.turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
-        body.move_tools(time - 1e-12 * dt if turns else time)
+        body.move_tools(np.nextafter(time, -np.inf) if turns else time)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         return State(state.step + 1, time, history, flow, ahead, changes), 1 + end.solves, end.error

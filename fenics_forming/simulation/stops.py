@@ -19,14 +19,17 @@ class Stops:
     ----------
     drive : of the tool that counts; None where no tool moves
     drives : of all tools that move
-    turns : times at which a tool starts, stops or turns back: what is recorded there is the flow before
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, drives: dict):
         self.scene = scene
-        self.drive = scene.tools[scene.counting_tool].drive if scene.counting_tool is not None else None
-        self.drives = [scene.tools[name].drive for name in scene.driven_tools]
-        self.turns: list[float] = [t for drive in self.drives for t in drive.turning_times]
+        self.drive = drives[scene.counting_tool] if scene.counting_tool is not None else None
+        self.drives = [drives[name] for name in scene.driven_tools]
+
+    @property
+    def turns(self) -> list[float]:
+        """Times at which a tool starts, stops or turns back: what is recorded there is the flow before."""
+        return [t for drive in self.drives for t in drive.turning_times]
 
     def step_choice(self) -> StepChoice:
         """How long steps are: what the scene asks for, and the times that must be hit."""
@@ -40,7 +43,7 @@ class Stops:
                 return (end if np.isfinite(end) else max([t, *self._landmarks()])) - t or np.inf
         adaptive = scene.steps.adaptive
         limits = None if adaptive is None else Adaptivity(adaptive.max_strain_increment, adaptive.tolerance)
-        return StepChoice(nominal, self._landmarks(), limits, adaptive.min_fraction if adaptive else 1e-3)
+        return StepChoice(nominal, self._landmarks, limits, adaptive.min_fraction if adaptive else 1e-3)
 
     def _landmarks(self) -> list[float]:
         """Times that steps must end at, s."""
@@ -69,6 +72,8 @@ class Stops:
             return f"force {stop.force:g} N reached"
         if stop.dead_centre and state.time >= drive.dead_centre_time * (1 - 1e-9):
             return "dead centre reached"
+        if stop.energy_spent and drive.is_spent:
+            return "energy spent"
         if stop.height is not None and body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
         end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))

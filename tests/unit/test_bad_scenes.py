@@ -40,7 +40,7 @@ CASES = [
     (["process.inertia=true"], "materials.billet.density", "is missing; process.inertia acts on the workpiece 'billet'"),
     (["process.weight=true", "materials.billet.density=7.85e-9"], "workpieces.billet.symmetry", "no mirror image of"),
     (["workpieces.billet.initial_velocity=[0, 5]"], "workpieces.billet.initial_velocity", "expected process.inertia"),
-    (["stop.energy_spent=true"], "stop.energy_spent", "allowed: stroke, time, force, height"),
+    (["stop.energy=true"], "stop.energy", "allowed: stroke, time, force, height"),
     (["contacts=3"], "contacts", "is not a list"),
     (["contacts=[{ between = ['billet', 'sleeve'] }]"], "contacts.0.between", "'sleeve' is not the name of a workpiece"),
     (["contacts=[{ between = ['billet', 'bilet'] }]"], "contacts.0.between", "did you mean 'billet'?"),
@@ -54,7 +54,7 @@ CASES = [
     (["tools.upper.heat_exchange={ kind = 'column' }"], "tools.upper.heat_exchange", "allowed: shape, drive"),
     (["solver.penalty=3"], "solver.penalty", "did you mean 'penalty_factor'?"),
     # kinds and laws
-    ([f"{DRIVE}.kind=hammer"], f"{DRIVE}.kind", "allowed: speed, table, rotation"),
+    ([f"{DRIVE}.kind=motor"], f"{DRIVE}.kind", "allowed: speed, table, rotation"),
     ([f"{SHAPE}.kind=rectangel"], f"{SHAPE}.kind", "did you mean 'rectangle'?"),
     ([f"{TOOL}={{ point = [0, 15], normal = [0, -1] }}"], f"{TOOL}.kind", "one of plane, circle"),
     ([f"{LAW}.law=lineal"], f"{LAW}.law", "did you mean 'linear'?"),

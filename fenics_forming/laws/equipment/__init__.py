@@ -7,11 +7,17 @@ Every drive answers `velocity(t)`, `displacement(t)`, `angular_velocity(t)`, `an
 from ..described import one_of
 from .crank_press import CrankPressDrive
 from .drive import Drive, Spin
+from .energy import EnergyDrive
+from .hammer import HammerDrive
 from .hydraulic import HydraulicDrive
+from .ratio import Follower, RatioDrive
 from .rotation import RotationDrive
+from .screw_press import ScrewPressDrive
 from .speed import SpeedDrive
 from .table import TableDrive
 
-DriveLaw = one_of("kind", SpeedDrive, TableDrive, RotationDrive, HydraulicDrive, CrankPressDrive, base=Drive)
+DriveLaw = one_of("kind", SpeedDrive, TableDrive, RotationDrive, HydraulicDrive, CrankPressDrive, HammerDrive,
+                  ScrewPressDrive, RatioDrive, base=Drive)
 
-__all__ = ["CrankPressDrive", "Drive", "DriveLaw", "HydraulicDrive", "RotationDrive", "SpeedDrive", "Spin", "TableDrive"]
+__all__ = ["CrankPressDrive", "Drive", "DriveLaw", "EnergyDrive", "Follower", "HammerDrive", "HydraulicDrive", "RatioDrive",
+           "RotationDrive", "ScrewPressDrive", "SpeedDrive", "Spin", "TableDrive"]

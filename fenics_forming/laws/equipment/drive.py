@@ -88,6 +88,11 @@ class Drive(Described):
         return None
 
     @property
+    def spends_energy(self):
+        """Whether the drive brings an energy and ends where it is spent."""
+        return False
+
+    @property
     def moves(self):
         """Whether the tool ever moves."""
         return self.direction is not None or self.angular_velocity(0.0) != 0

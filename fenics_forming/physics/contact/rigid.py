@@ -80,6 +80,7 @@ class KnownTool:
     friction : a law of ``laws.friction`` or None
     motion : where it is now; the controller replaces it
     free : motions that the solve finds (``free_motions``), or None
+    drive : what moves it, or None
     """
 
     name: str
@@ -87,6 +88,7 @@ class KnownTool:
     friction: object | None = None
     motion: ToolMotion | None = None
     free: FreeMotions | None = None
+    drive: object | None = None
     state: law.PointState | None = field(default=None, repr=False)
     traction: np.ndarray | None = field(default=None, repr=False)
     tangent: np.ndarray | None = field(default=None, repr=False)
