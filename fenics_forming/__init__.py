@@ -18,6 +18,7 @@ _HOMES = {
     "Simulation": "simulation", "simulate": "simulation",
     "Results": "results.results", "History": "results.history",
     "plot_force_stroke": "results.plotting", "plot_fields": "results.plotting",
+    "plot_revolved": "results.revolved", "animate": "results.animation", "write_report": "results.report",
     "plot_contact_pressure": "results.surface", "contact_pressure": "results.surface",
     "solve_flow": "physics.flow", "FixedVelocity": "physics.flow", "FlowField": "physics.flow",
     "NewtonSettings": "physics.settings",

@@ -1,4 +1,4 @@
-"""``forming run | check | plot | materials | info``: the command line."""
+"""``forming run | check | plot | animate | report | materials | info``: the command line."""
 
 from __future__ import annotations
 
@@ -61,11 +61,26 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--schema", action="store_true", help="print the JSON schema of scene files instead")
     check.set_defaults(action=_check)
 
-    plot = commands.add_parser("plot", help="draw the results of a run")
-    plot.add_argument("folder", type=Path)
+    plot = commands.add_parser("plot", help="draw the results of a run, or the forces of several in one diagram")
+    plot.add_argument("folder", type=Path, nargs="+")
     plot.add_argument("--field", help="one field only, such as effective_strain")
     plot.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
+    plot.add_argument("--revolve", action="store_true", help="an axisymmetric body in space, with a quarter cut out")
+    plot.add_argument("--tool", help="the tool whose force is drawn (default: the one that travels farthest)")
+    plot.add_argument("--out", type=Path, help="file of the diagram of several runs (default: forces.png in the first)")
     plot.set_defaults(action=_plot)
+
+    animate = commands.add_parser("animate", help="a film of a run: field.gif in its folder, or the file given to --out")
+    animate.add_argument("folder", type=Path)
+    animate.add_argument("--field", default="effective_strain", help="the field that is shown (default: effective_strain)")
+    animate.add_argument("--out", type=Path, help="a .gif, or an .mp4 where ffmpeg is installed")
+    animate.add_argument("--fps", type=float, default=8.0, help="frames in a second (default: 8)")
+    animate.set_defaults(action=_animate)
+
+    report = commands.add_parser("report", help="one page on a run, report.html in its folder, to read or to send")
+    report.add_argument("folder", type=Path)
+    report.add_argument("--out", type=Path, help="the file (default: report.html in the folder)")
+    report.set_defaults(action=_report)
 
     materials = commands.add_parser("materials", help="the materials of the library, or one of them with its sources")
     materials.add_argument("name", nargs="?")
@@ -113,16 +128,42 @@ def _check(options) -> int:
 
 
 def _plot(options) -> int:
-    from .results.plotting import plot_fields, plot_run
+    from .results.plotting import plot_fields, plot_force_stroke, plot_run
     from .results.results import Results
-    results = Results.read(options.folder)
-    if options.field:
-        path = options.folder / f"{options.field}.png"
-        plot_fields(results, options.field, options.frame, path=path)
+    runs = [Results.read(folder) for folder in options.folder]
+    folder = options.folder[0]
+    if len(runs) > 1:
+        path = options.out or folder / "forces.png"
+        plot_force_stroke(runs, tool=options.tool, path=path)
+        print(path)
+    elif options.revolve:
+        from .results.revolved import plot_revolved
+        field = options.field or "effective_strain"
+        path = folder / f"{field}_revolved.png"
+        plot_revolved(runs[0], field, options.frame, path=path)
+        print(path)
+    elif options.field:
+        path = folder / f"{options.field}.png"
+        plot_fields(runs[0], options.field, options.frame, path=path)
         print(path)
     else:
-        for path in plot_run(results, options.folder):
+        for path in plot_run(runs[0], folder):
             print(path)
+    return 0
+
+
+def _animate(options) -> int:
+    from .results.animation import animate
+    from .results.results import Results
+    out = options.out or options.folder / f"{options.field}.gif"
+    print(animate(Results.read(options.folder), options.field, path=out, fps=options.fps))
+    return 0
+
+
+def _report(options) -> int:
+    from .results.report import write_report
+    from .results.results import Results
+    print(write_report(Results.read(options.folder), options.out))
     return 0
 
 

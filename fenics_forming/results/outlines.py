@@ -11,12 +11,12 @@ def tool_outlines(results, time: float, points: np.ndarray, mirrors=()) -> list[
     Parameters
     ----------
     results : `Results` with a scene
-    points : (n, 2) mm, the body
+    points : (n, d) mm, the body
     mirrors : (axis, position) of the planes at which the picture is mirrored; outlines end there
 
     Returns
     -------
-    segments (k, 2, 2) for each tool; none without a scene
+    segments (k, 2, 2), in space triangles (k, 3, 3), for each tool; none without a scene
     """
     if not getattr(results.scene, "tools", None) or results.scene.is_tools_alone:
         return []
@@ -31,7 +31,7 @@ def tool_outlines(results, time: float, points: np.ndarray, mirrors=()) -> list[
     outlines = []
     for tool in known_tools(results.scene):
         place = _motion(results, tool.name, time)
-        far = 2 * size + np.linalg.norm(place(np.zeros((1, 2))))
+        far = 2 * size + np.linalg.norm(place(np.zeros((1, points.shape[1]))))
         vertices, segments = tool.surface.outline(low - far, high + far)
         vertices, segments = clip(place(np.asarray(vertices)), np.asarray(segments), low, high)
         outlines.append(vertices[segments])
@@ -56,11 +56,21 @@ def _motion(results, tool, time):
     drive = results.scene.tools[tool].drive
     if drive is None:
         return lambda points: points
-    angle, centre = drive.angle(time), drive.rotation_centre
-    cos, sin = np.cos(angle), np.sin(angle)
-    centre = np.zeros(2) if centre is None else np.asarray(centre)
     shift = _displacement(results, tool, drive, time)
-    return lambda points: (points - centre) @ np.array([[cos, sin], [-sin, cos]]) + centre + shift
+    if drive.rotation_centre is None:
+        return lambda points: points + shift
+    centre, turn = np.asarray(drive.rotation_centre), _turn(drive.angle(time), drive.rotation_axis, len(shift))
+    return lambda points: (points - centre) @ turn.T + centre + shift
+
+
+def _turn(angle, axis, dimension):
+    """Matrix of a turn by an angle, in space about an axis (Rodrigues)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    if dimension == 2:
+        return np.array([[cos, -sin], [sin, cos]])
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + sin * cross + (1 - cos) * cross @ cross
 
 
 def _displacement(results, tool, drive, time):

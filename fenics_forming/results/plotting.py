@@ -90,6 +90,7 @@ def plot_fields(
     tools=None,
     limits=None,
     magnify: float | None = None,
+    view=None,
     ax=None,
 ):
     """A field on the body as it lies in one frame; on the mesh alone its flow lines.
@@ -102,10 +103,11 @@ def plot_fields(
     path : picture to write
     mirror : show the whole body: both sides of an axis of revolution and of planes of symmetry
     mesh : draw the sides of the elements
-    tools : outlines of tools, (k, 2) arrays of points (in the plane only); None: those of the scene, where
-        they are at that time
+    tools : outlines of tools, arrays of points (k, 2), in space of triangles (k, 3, 3); None: those of the
+        scene, where they are at that time
     limits : (low, high) of the colours; None: of the field, without a peak in a few spots
     magnify : how many times as large displacements of tools are drawn; None: so that they can be seen
+    view : corners (low, high) of what is shown, mm (in the plane only); None: the body
     ax : matplotlib axes to draw in (in the plane only); None: a new figure
 
     Returns
@@ -134,19 +136,21 @@ def plot_fields(
     values, label = (None, "") if field is None else (skin.field(field)[1], label_of(name))
     title = f"{wrapped(results.title)}\n{when(results, time)}"
     title += f", displacements \N{MULTIPLICATION SIGN} {times:g}" if times else ""
-    if skin.points.shape[1] == 3:
+    space = skin.points.shape[1] == 3
+    if tools is None:
+        outlines = tool_outlines(results, time, skin.points if view is None else np.asarray(view), mirrors)
+    else:
+        outlines = list(tools) if space else list(map(as_segments, tools))
+    for axis, at in mirrors:
+        outlines += [flipped(outline, axis, at) for outline in outlines]
+    if space:
         from . import plotting3d
 
         levels = None if values is None else levels_of(limits, 10)
-        return plotting3d.draw(skin, values, label, levels, title, mesh=mesh, lines=lines, path=path)
+        return plotting3d.draw(skin, values, label, levels, title, mesh=mesh, lines=lines, tools=outlines, path=path)
     if ax is None:
-        ax = new_axes(figure_size(skin.points))
-    outlines = (
-        tool_outlines(results, time, skin.points, mirrors) if tools is None else list(map(as_segments, tools))
-    )
-    for axis, at in mirrors:
-        outlines += [flipped(outline, axis, at) for outline in outlines]
-    draw(ax, skin, values, label, limits, mesh=mesh, tools=outlines, lines=lines)
+        ax = new_axes(figure_size(skin.points if view is None else np.asarray(view)))
+    draw(ax, skin, values, label, limits, mesh=mesh, tools=outlines, lines=lines, view=view)
     ax.set(xlabel=f"{axes[0]} (mm)", ylabel=f"{axes[1]} (mm)")
     ax.set_title(title, fontsize="medium")
     return saved(ax, path)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 
-def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=(), lines=()) -> None:
+def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=(), lines=(), view=None) -> None:
     """Draw the body with its colour bar, the sides of its elements, outlines of tools, arrays (k, 2, 2) of
-    segments, and flow lines (k, 2). Without ``values`` (n,) the mesh alone, paler under flow lines.
+    segments, and flow lines (k, 2). Without ``values`` (n,) the mesh alone, paler under flow lines. ``view``: corners
+    (low, high) of what is shown; None: the body and a margin.
     """
     from matplotlib.collections import LineCollection
     from matplotlib.tri import Triangulation
@@ -19,7 +20,8 @@ def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=(), lines=()
     else:
         good = np.isfinite(values)
         triangulation.set_mask(~good[skin.triangles].all(axis=1))
-        _coloured(ax, triangulation, np.where(good, values, 0.0), label, limits)
+        spread = np.ptp(skin.points if view is None else view, axis=0)
+        _coloured(ax, triangulation, np.where(good, values, 0.0), label, limits, spread)
     inside, rim = skin.sides()
     if mesh or values is None:
         width = 0.5 if values is None else 0.25
@@ -36,9 +38,11 @@ def draw(ax, skin, values, label: str, limits, *, mesh: bool, tools=(), lines=()
     ax.margins(0.04)
     ax.autoscale_view()
     _draw_tools(ax, tools, skin.points)
+    if view is not None:
+        ax.set(xlim=(view[0][0], view[1][0]), ylim=(view[0][1], view[1][1]))
 
 
-def _coloured(ax, triangulation, values, label, limits):
+def _coloured(ax, triangulation, values, label, limits, spread):
     from mpl_toolkits.axes_grid1 import make_axes_locatable
 
     levels = levels_of(limits, 16)
@@ -51,7 +55,6 @@ def _coloured(ax, triangulation, values, label, limits):
     values = np.clip(values, None if under else levels[0], None if over else levels[-1])
     drawn = ax.tricontourf(triangulation, values, levels=levels, cmap="viridis", extend=extend)
     drawn.set_edgecolor("face")  # no white hairlines between the bands
-    spread = np.ptp(triangulation.x), np.ptp(triangulation.y)
     flat = spread[1] < 0.45 * spread[0]
     bar = make_axes_locatable(ax).append_axes("bottom" if flat else "right", 0.15, pad=0.6 if flat else 0.15)
     colourbar = ax.figure.colorbar(

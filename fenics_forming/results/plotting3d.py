@@ -13,8 +13,10 @@ import numpy as np
 from .files import ResultsError
 
 
-def draw(skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), path: Path | str | None) -> np.ndarray:
-    """Render the skin and return the picture (height, width, 3).
+def draw(
+    skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), tools=(), path: Path | str | None
+) -> np.ndarray:
+    """Render the skin and the tools, triangles (k, 3, 3) each, and return the picture (height, width, 3).
 
     Where ``values`` (n,) are given they are shown in bands between ``levels``. With flow ``lines``, (k, 3) each, the
     body is seen through.
@@ -58,8 +60,8 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), 
                 clim=(levels[0], levels[-1]),
                 cmap="viridis",
                 n_colors=len(levels) - 1,
-                ambient=0.4,
-                diffuse=0.6,
+                ambient=0.55,
+                diffuse=0.45,
                 specular=0.0,
                 scalar_bar_args=bar,
             )
@@ -71,6 +73,15 @@ def draw(skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), 
             # the lines lie in the surface: bring them forward, or half of them are lost
             drawn.mapper.SetResolveCoincidentTopologyToPolygonOffset()
             drawn.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, -6.0)
+        for triangles in tools:
+            tool = poly(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)).clean()
+            shown = plotter.add_mesh(tool, color="slategray", opacity=0.18, lighting=False)
+            # where it touches the body it lies in its surface: push it back, or colours below it are veiled
+            shown.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            shown.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(4.0, 4.0)
+            edges = tool.extract_feature_edges(feature_angle=20, manifold_edges=False, boundary_edges=False)
+            if edges.n_points:
+                plotter.add_mesh(edges, color="slategray", line_width=1.5, lighting=False)
         for line in lines:
             plotter.add_mesh(pyvista.lines_from_points(line), color="black", line_width=2.0, lighting=False)
         plotter.add_text(title, position=(0.03, 0.9), viewport=True, font_size=11, color="black")

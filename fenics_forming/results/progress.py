@@ -10,7 +10,7 @@ WORDS = {
     "wall_s": "wall time",
     "max_effective_strain": "max strain",
 }
-UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mm3", "mm2", "mm", "N", "s")
+UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mW", "mJ", "mm3", "mm2", "mm", "N", "s")
 
 
 def name_and_unit(column: str) -> tuple[str, str]:

@@ -232,7 +232,7 @@ def _facts(results):
         ]
         facts += [("Newton", f"{iterations:.1f} iterations per solve") for iterations in _newton(results)]
         wall = summary.get("wall_s", sum(row.get("wall_s", 0.0) for row in history.rows))
-        facts.append(("wall time", _duration(wall)))
+        facts.append(("wall time", duration(wall)))
     else:
         facts.append(("steps", "none yet"))
     if results.frames:
@@ -263,7 +263,7 @@ def _newton(results):
     return []
 
 
-def _duration(seconds):
+def duration(seconds):
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, seconds = divmod(round(seconds), 60)

@@ -64,3 +64,54 @@ def test_a_closed_outline_begins_at_its_lowest_point_and_comes_back(smooth):
     assert np.allclose(curve.points[0], curve.points[-1]) and curve.points[0, 1] == curve.points[:, 1].min()
     with pytest.raises(ResultsError, match="no field 'misspelt'"):
         ff.contact_pressure(smooth, field="misspelt")
+
+
+def test_a_turned_section_has_the_volume_of_the_body(smooth):
+    """Flat triangles on an inscribed polygon of 48 sides hold 0.3 % less than pi r² h."""
+    from fenics_forming.results.drawing import frame_of
+    from fenics_forming.results.revolved import turned
+    from fenics_forming.results.skin import Skin
+
+    section = Skin.read(frame_of(smooth, 0)[1]).mirrored(1, 0.0)
+    for angle, most in ((360.0, 0.005), (270.0, 0.005)):
+        solid, outlines = turned(section, angle)
+        a, b, c = solid.points[solid.triangles].transpose(1, 0, 2)
+        volume = abs(np.einsum("ki,ki->k", a, np.cross(b, c))).sum() / 6
+        exact = np.pi * 100 * 30 * angle / 360
+        # tetrahedra with their tips in the middle of the axis; those of the cut faces are flat
+        assert volume == pytest.approx(exact, rel=most)
+        assert bool(outlines) == (angle < 360)
+
+
+def test_a_whole_body_is_drawn_from_its_section_and_only_there(smooth, tmp_path):
+    pytest.importorskip("pyvista")
+    picture = ff.plot_revolved(smooth, path=tmp_path / "turned.png")
+    assert picture.shape == (900, 1200, 3) and (tmp_path / "turned.png").exists()
+    assert len(np.unique(picture[300:600, 450:750].reshape(-1, 3), axis=0)) > 5
+    strip = upset(tmp_path / "strip", geometry="plane_strain")
+    with pytest.raises(ResultsError, match="axisymmetric"):
+        ff.plot_revolved(strip)
+
+
+def test_a_film_has_a_picture_of_one_size_for_each_frame(smooth, tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    film = image.open(ff.animate(smooth, path=tmp_path / "film.gif", fps=5))
+    assert film.n_frames == 3 and min(film.size) > 200
+    with pytest.raises(ResultsError, match="a film is a .gif or an .mp4"):
+        ff.animate(smooth, path=tmp_path / "film.avi")
+    with pytest.raises(ResultsError, match="no field 'misspelt'"):
+        ff.animate(smooth, "misspelt", path=tmp_path / "film.gif")
+
+
+def test_a_film_in_mp4_needs_ffmpeg_and_says_so(smooth, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    with pytest.raises(ResultsError, match="ffmpeg, which is not installed; write a .gif"):
+        ff.animate(smooth, path=tmp_path / "film.mp4")
+
+
+def test_tools_in_space_are_turned_about_their_axis_and_moved():
+    """A quarter turn about x takes y to z; 2-D turns are those about z."""
+    from fenics_forming.results.outlines import _turn
+
+    assert _turn(np.pi / 2, (1, 0, 0), 3) @ [0, 1, 0] == pytest.approx([0, 0, 1])
+    assert _turn(0.3, (0, 0, 1), 3)[:2, :2] == pytest.approx(_turn(0.3, None, 2))
