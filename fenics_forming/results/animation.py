@@ -13,6 +13,7 @@ from .drawing import AXES, close, frame_of, limits_of, mirrors_of
 from .files import ResultsError
 from .plotting import plot_fields
 from .plotting2d import levels_of
+from .plotting_tools import visible
 from .skin import Skin
 
 DPI = 100
@@ -49,11 +50,13 @@ def animate(results, field: str | None = "effective_strain", *, path: Path | str
     if len(times) < 2:
         raise ResultsError(f"a film needs two frames and the run wrote {len(times)}; set output.fields_every in the scene")
     skins = [Skin.read(frame_of(results, number)[1]) for number in range(len(times))]
-    limits = None if field is None else _common_limits(skins, field)
+    magnify = visible(results, skins[-1])
+    how = {"mesh": mesh, "magnify": magnify, "limits": None if field is None else _common_limits(skins, field)}
     if skins[0].points.shape[1] == 3:
-        pictures = [plot_fields(results, field, k, mesh=mesh, limits=limits) for k in range(len(times))]
+        pictures = [plot_fields(results, field, k, **how) for k in range(len(times))]
     else:
-        pictures = _pictures(results, field, len(times), mesh, limits, _view(results, skins))
+        view = _view(results, [skin.deformed(magnify) for skin in skins])
+        pictures = _cut([plot_fields(results, field, k, view=view, **how) for k in range(len(times))])
     path.parent.mkdir(parents=True, exist_ok=True)
     (_write_gif if path.suffix == ".gif" else _write_mp4)(path, pictures, fps, hold)
     return path
@@ -77,9 +80,8 @@ def _view(results, skins):
     return low - 0.05 * (high - low).max(), high + 0.05 * (high - low).max()
 
 
-def _pictures(results, field, count, mesh, limits, view):
+def _cut(drawn):
     """Pictures (height, width, 3) of all frames, cut to one size, that of the last and its margin."""
-    drawn = [plot_fields(results, field, k, mesh=mesh, limits=limits, view=view) for k in range(count)]
     for ax in drawn:
         ax.figure.draw_without_rendering()
         ax.figure.set_layout_engine("none")         # laid out once: a second time would move it by some pixels

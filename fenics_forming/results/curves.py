@@ -9,7 +9,7 @@ import numpy as np
 from .drawing import new_axes, saved
 from .progress import name_and_unit
 
-LEFT_OUT = ("step", "dt_s", "wall_s", "newton_iterations")
+LEFT_OUT = ("step", "time_s", "load_factor", "dt_s", "wall_s", "newton_iterations", "cut_backs")
 KINDS = {"N": "force", "N/mm": "force", "N mm": "torque", "MPa": "stress", "°C": "temperature", "mm": "place"}   # by unit
 WORDS = {"effective_strain": "effective strain", "volume_error": "volume error", "power_imbalance": "power imbalance",
          "damage": "damage", "stability": "stability number"}
@@ -20,7 +20,7 @@ def kinds_of_columns(results) -> dict[tuple[str, str], list[str]]:
     kinds: dict[tuple[str, str], list[str]] = {}
     for column in results.history.columns:
         words, unit = name_and_unit(column)
-        if column in LEFT_OUT or column == "time_s" or column.startswith(("stroke_", "volume_")) and unit:
+        if column in LEFT_OUT or column.startswith(("stroke_", "volume_")) and unit:
             continue
         named = next((text for key, text in WORDS.items() if key in column), words)
         kinds.setdefault((KINDS.get(unit, words) if unit else named, unit), []).append(column)
@@ -28,7 +28,7 @@ def kinds_of_columns(results) -> dict[tuple[str, str], list[str]]:
 
 
 def plot_history(results, columns: list[str], *, title: str = "", path: Path | str | None = None, ax=None):
-    """Columns of the history, all of one unit, over the stroke of the main tool, or over time where nothing travels.
+    """Columns of the history, all of one unit, over the stroke of the main tool, else over time or load.
 
     Parameters
     ----------
@@ -67,4 +67,6 @@ def _across(results) -> tuple[np.ndarray, str]:
         column = f"stroke_{tool}_mm"
         if column in history.columns and np.ptp(history.column(column)) > 0:
             return history.column(column), f"stroke of {tool.replace('_', ' ')} (mm)"
-    return history.column("time_s"), "time (s)"
+    column, along = next(pair for pair in (("time_s", "time (s)"), ("load_factor", "load factor"), ("step", "step"))
+                         if pair[0] in history.columns)
+    return history.column(column), along

@@ -10,12 +10,16 @@ from . import page
 from .curves import kinds_of_columns, plot_history
 from .drawing import close, frame_of, has_curve, new_axes
 from .files import whole_file
+from .plotting import FIELDS as OF_A_RUN
 from .plotting import plot_fields, plot_force_stroke
+from .plotting_tools import plot_load_displacement
 from .progress import name_and_unit
 from .results import duration, thousands
 from .skin import Skin
 
-FIELDS = ("effective_strain", "mean_stress", "temperature", "damage", "contact_pressure")
+FIELDS = (*OF_A_RUN, "damage", "contact_pressure")
+OF_A_STEP = ("step", "time_s", "load_factor", "dt_s", "newton_iterations", "power_imbalance")
+TOO = ("stroke_", "force_", "torque_", "volume_error_", "max_")
 SMALL = (5.2, 3.4)  # inches of a diagram
 ROWS = 14            # of the history that are printed
 
@@ -143,6 +147,11 @@ def _curves(results) -> list[str]:
         ax.set_title("")
         made.append(page.figure(page.picture_of(ax), "force over stroke"))
         close(ax)
+    if "load_factor" in results.history.columns and len(results.history) > 2:
+        ax = plot_load_displacement(results, ax=new_axes(SMALL))
+        ax.set_title("")
+        made.append(page.figure(page.picture_of(ax), "load over displacement"))
+        close(ax)
     main = [results.force_column(results.main_tool())] if has_curve(results) else []
     for (kind, _), columns in kinds_of_columns(results).items():
         if columns == main or kind == "place" or all(np.ptp(results.history.column(c)) == 0 for c in columns):
@@ -214,8 +223,7 @@ def _new_meshes(records: list[dict]) -> str:
 def _steps(history) -> str:
     if not len(history):
         return ""
-    wanted = [c for c in history.columns if c in ("step", "time_s", "dt_s", "newton_iterations", "power_imbalance")
-              or c.startswith(("stroke_", "force_", "torque_", "volume_error_", "max_"))]
+    wanted = [c for c in history.columns if c in OF_A_STEP or c.startswith(TOO)]
     chosen = np.unique(np.linspace(0, len(history) - 1, min(ROWS, len(history))).round().astype(int))
     head = [f"{words} ({unit})" if unit else words for words, unit in map(name_and_unit, wanted)]
     return page.table([[history.rows[k][c] for c in wanted] for k in chosen], head)
