@@ -312,6 +312,11 @@ class Workpiece:
         self.refresh_strain_rate()
         self.last_rate = (rate.ravel(), rate_scale)
 
+    @property
+    def flow_stress_at_points(self) -> fem.Function:
+        """Flow stress of the last solve at the integration points, MPa, as forms take it."""
+        return self._sigma
+
     def nodal_rate(self) -> np.ndarray:
         """Effective strain rate at the nodes (nodes,), 1/s."""
         corners = self._strain_rate_at_vertices()

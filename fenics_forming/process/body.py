@@ -42,11 +42,13 @@ class FlowingBody:
     free_surface : of the same nodes, to measure and restore the volume by
     surfaces : the same by name, where there are several bodies
     initial_velocity : (nodes, dim) mm/s at the start; given where inertia acts, and only there
+    heat : ``heating.BodyHeat``, where temperatures change, or None; then they are part of the history
     """
 
     def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
                  temperature: float | np.ndarray | None = None, damage=None, free_surface: FreeSurface | None = None,
-                 surfaces: dict[str, FreeSurface] | None = None, initial_velocity: np.ndarray | None = None):
+                 surfaces: dict[str, FreeSurface] | None = None, initial_velocity: np.ndarray | None = None,
+                 heat=None):
         self.workpiece, self.nodes = workpiece, workpiece.nodes
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
@@ -56,7 +58,7 @@ class FlowingBody:
         self.interfaces, self.parts = workpiece.interfaces, workpiece.parts
         self.free_surface, self.surfaces = free_surface, surfaces or {}
         self._temperature = None if temperature is None else np.full(self.nodes.count, temperature, float)
-        self._damage = damage
+        self._damage, self.heat = damage, heat
         self._held = workpiece.held()
         self._held_at = self.x[self._held]
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
@@ -265,7 +267,7 @@ class FlowingBody:
             tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
-                                      step=tied, temperature=self._temperature, touching=NEAR * self.size)
+                                      step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
         if self.solver.border is not None:
@@ -289,16 +291,24 @@ class FlowingBody:
         return float(sums[0] / sums[1]) * characteristic_rate / before if sums[1] > 0 else 0.0
 
     def new_history(self) -> dict[str, np.ndarray]:
-        """What gathers in the material, by name and node: nothing yet."""
+        """What the material carries along, by name and node, at the start: nothing has gathered yet."""
         names = ["effective_strain"] + ["damage"] * (self._damage is not None)
-        return {name: np.zeros(self.nodes.count) for name in names}
+        history = {name: np.zeros(self.nodes.count) for name in names}
+        return history if self.heat is None else history | {"temperature": self._temperature}
+
+    def gathering(self, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The history with places for what a step gathers besides it: the heat that is made."""
+        return history if self.heat is None else history | self.heat.gathering()
 
     def rates(self, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Rates of the history in the present flow, by name and node, 1/s."""
         rates = {"effective_strain": self.workpiece.nodal_rate()}
         if self._damage is not None:
             strain = history["effective_strain"]
-            rates["damage"] = self.workpiece.nodal_damage_rate(self._damage, strain, self._temperature)
+            rates["damage"] = self.workpiece.nodal_damage_rate(self._damage, strain, self.temperature_in(history))
+        if self.heat is not None:
+            made = self.heat.rates()
+            rates |= made | {"temperature": self.heat.warming(made)}
         return rates
 
     def _explained(self, failure: ConvergenceError) -> ConvergenceError:
@@ -325,12 +335,17 @@ class FlowingBody:
             part.release()
         if self.contact is not None:
             self.contact.let_go()
-        return Flow(np.zeros_like(self.x), self.new_history(), 0)
+        still = {name: np.zeros(self.nodes.count) for name in self.gathering(self.new_history())}
+        return Flow(np.zeros_like(self.x), still, 0)
 
     @property
     def temperature(self) -> np.ndarray | None:
-        """Temperature at the nodes (nodes,), degC, or None."""
+        """Temperature at the nodes (nodes,) as it was given, degC, or None."""
         return self._temperature
+
+    def temperature_in(self, history: dict[str, np.ndarray]) -> np.ndarray | None:
+        """Temperature at the nodes (nodes,), degC: that of the history where it changes; or None."""
+        return history.get("temperature", self._temperature)
 
     def powers(self) -> dict[str, float]:
         """Powers of the present flow, mW, by name."""

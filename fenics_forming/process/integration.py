@@ -9,7 +9,7 @@ solve where they are given.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -61,9 +61,19 @@ class Body(Protocol):
 
 
 def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """History plus the weighted rates, ``parts`` of (weight in s, rates); what gathers never becomes less."""
-    return {name: value + np.maximum(sum(weight * rates[name] for weight, rates in parts), 0.0)
-            for name, value in history.items()}
+    """History plus the weighted rates, ``parts`` of (weight in s, rates); what gathers never becomes less, which leaves
+    temperature free to fall."""
+    def gained(name):
+        change = sum(weight * rates[name] for weight, rates in parts)
+        return change if name == "temperature" else np.maximum(change, 0.0)
+
+    return {name: value + gained(name) for name, value in history.items()}
+
+
+def drifting(flow: Flow, heat) -> Flow:
+    """The flow with what conduction and exchange did to the temperatures in the step before (``heat.drift``) among its
+    rates: what a scheme expects of them within a step."""
+    return replace(flow, rates=flow.rates | {"temperature": flow.rates["temperature"] + heat.drift})
 
 
 class Scheme:

@@ -97,7 +97,10 @@ class MeshKeeper:
         try:
             new = flowing_body(self._scene, made.mesh, body.tools, self._mirrors)
             local = _scattered(new, made)
-            history = {name: local[f"history.{name}"] for name in history}
+            before, history, conserved = history, {name: local[f"history.{name}"] for name in history}, made.conservation
+            if new.heat is not None:
+                history, change = new.heat.continues(body.heat, before, history)
+                conserved = conserved | {"heat": change}
             flow = _flow(new, body, history, local, time, dt, scheme.look_ahead)
         except (MeshError, ConvergenceError):
             for tool, (state, traction) in zip(body.tools, before, strict=True):
@@ -106,7 +109,7 @@ class MeshKeeper:
         scheme.remember(numbers, {name: local[f"scheme.{name}"] for name in remembered})
         self.triggers.renewed(step, new)
         self.seconds["remeshing"] += made.seconds
-        self.records.append(Record(step, time, reason, made.cells, made.engine, made.healed, made.volume, made.conservation,
+        self.records.append(Record(step, time, reason, made.cells, made.engine, made.healed, made.volume, conserved,
                                    (forces, _forces(new)), made.seconds, self.triggers.best))
         return new, history, flow
 

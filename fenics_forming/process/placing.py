@@ -30,7 +30,11 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     material = scene.materials[scene.workpiece.material]
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings,
                           flow_stress=material.flow_stress, mass=mass_of(scene))
-    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
+    heat = None
+    if scene.computes_heat:
+        from .heat_building import body_heat
+        heat = body_heat(scene, nodes, kinematics, candidates, workpiece)
+    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene), heat=heat,
                        free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=scene.workpiece.temperature, damage=material.damage,

@@ -108,7 +108,8 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
         for name in given.linear:
             fields[name] = means_at_mids(made, fields[name])
         lost = conservation(old, BodyArrays(placed, made.cells), {
-            name: (given.linear[name], fields[name]) for name in given.linear if name.startswith("history.")},
+            name: (given.linear[name], fields[name]) for name in given.linear
+            if name.startswith("history.") and not name.startswith("history.heat.")},
             axisymmetric=kinematics.name == "axisymmetric")
         change = {"remeshing": new - known, "corners": known - start + back - new,
                   "given back": surface.volume(placed) - back}

@@ -8,6 +8,8 @@ from ..physics.parallel import highest, lowest, total
 from ..scene import copies
 from .ledger import DamageLedger
 
+UNITS = {"temperature": "temperature_degC"}     # names of the history as results have them
+
 
 class BodyRecord:
     """The bodies of a run; of several there are columns of their own for each.
@@ -40,7 +42,9 @@ class BodyRecord:
 
     def maxima(self, history: dict[str, np.ndarray]) -> dict[str, float]:
         """Columns of the largest values of what gathers in the material, of several bodies also of each."""
-        row = {f"max_{name}": self._largest(values) for name, values in history.items()}
+        row = {f"max_{name}": self._largest(values) for name, values in in_words(history).items()}
+        if "temperature" in history:
+            row["min_temperature_degC"] = -self._largest(-history["temperature"])
         for gathered, values in history.items() if self.several else ():
             for body in self._parts.names:
                 row[f"max_{gathered}_{body}"] = self._largest(values[self._mine(body)])
@@ -55,7 +59,9 @@ class BodyRecord:
         return row
 
     def temperature_of(self, point: str) -> float | None:
-        """Temperature of the body of a tracked point, degC."""
+        """Temperature of the body of a tracked point, degC, where it stays as it was given."""
+        if self.scene.computes_heat:
+            return None
         return self.scene.workpieces[self.scene.points[point].body].temperature
 
     # ------------------------------------------------------------------ damage
@@ -103,3 +109,8 @@ class BodyRecord:
 
     def _largest(self, values: np.ndarray) -> float:
         return highest(self.comm, float(values.max(initial=-np.inf)))
+
+
+def in_words(history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The history with names as results have them, with units where there are any."""
+    return {UNITS.get(name, name): values for name, values in history.items()}

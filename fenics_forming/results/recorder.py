@@ -9,7 +9,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from .bodies import BodyRecord
+from .bodies import BodyRecord, in_words
 from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
@@ -36,7 +36,7 @@ class Recorder:
         self.seconds = {"output": 0.0, "fold search": 0.0}
         self.row: dict[str, float] = {}
         self.summary: dict = {}
-        self.volume, self.power = simulation.volume_ledger, simulation.power_ledger
+        self.volume, self.power, self.heat = simulation.volume_ledger, simulation.power_ledger, simulation.heat_ledger
         self.bodies = BodyRecord(simulation)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
@@ -74,6 +74,8 @@ class Recorder:
     def step(self, state, limited_by: str, wall: float) -> None:
         """Record an accepted step: its row, and a frame and a checkpoint where they are due."""
         self.volume.book(state.volume_changes)
+        if self.heat is not None:
+            self.heat.book(state.heat)
         self.row = self._row(state, wall)
         self.history.append(self.row)
         self.iterations += state.flow.iterations
@@ -115,6 +117,8 @@ class Recorder:
         row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
         row |= self.bodies.maxima(state.history)
+        if self.heat is not None:
+            row |= self.heat.row(state.heat, "J_per_mm" if scene.geometry == "plane_strain" else "J")
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
         if run.points is not None:
@@ -125,7 +129,7 @@ class Recorder:
         """Places and state of the tracked points, for the row."""
         run, scene = self.run, self.scene
         nodal = np.column_stack([run.nodes.x, *state.history.values(), run.body.workpiece.mean_stress])
-        columns = [*(f"{axis}_mm" for axis in scene.axes), *state.history, "mean_stress_MPa"]
+        columns = [*(f"{axis}_mm" for axis in scene.axes), *in_words(state.history), "mean_stress_MPa"]
         row = {}
         for label, (values,) in run.points.values(nodal).items():
             row |= {f"{label}_{column}": float(value) for column, value in zip(columns, values, strict=True)}
@@ -163,9 +167,9 @@ class Recorder:
         self._last_frame = state.step
         run, w = self.run, self.run.body.workpiece
         rate = np.maximum(state.flow.rate, float(w.rate0.value))
-        temperature = run.body.temperature
+        temperature = run.body.temperature_in(state.history)
         strain = state.history["effective_strain"]
-        data = {"velocity_mm_per_s": w.velocity, **state.history,
+        data = {"velocity_mm_per_s": w.velocity, **in_words(state.history),
                 "effective_strain_rate_per_s": state.flow.rate, "mean_stress_MPa": w.mean_stress,
                 "flow_stress_MPa": np.broadcast_to(w.nodal_law(strain, rate, temperature), strain.shape),
                 "contact_pressure_MPa": sum(part.nodal_pressure() for part in w.contacts)}
@@ -175,7 +179,7 @@ class Recorder:
                           cell_data=self.bodies.cell_data())
         if self.lines is not None:
             self.lines.write(step=state.step, time=state.time, places=run.lines.places,
-                             fields={name: run.lines.values(values) for name, values in state.history.items()})
+                             fields={name: run.lines.values(values) for name, values in in_words(state.history).items()})
 
     # ------------------------------------------------------------------ the end
     def doubts(self) -> list[str]:
@@ -183,7 +187,8 @@ class Recorder:
         self._look_for_folds(int(self.row.get("step", 0)), now=True)
         explicit = self.scene.scheme == "explicit"
         return [*self.volume.doubts("steps.scheme = 'midpoint' or smaller steps" if explicit else MORE_EXACT),
-                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts()]
+                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts(),
+                *(self.heat.doubts() if self.heat is not None else [])]
 
     def finish(self, state, why: str, warnings: list[str]) -> None:
         """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state)."""
@@ -211,6 +216,8 @@ class Recorder:
         wall = perf_counter() - self._began
         renewed, remeshing = ([], {}) if run.keeper is None else (run.keeper.records, run.keeper.seconds)
         parts = {**body.solver.seconds, **body.seconds, **self.seconds, **remeshing}
+        if body.heat is not None:
+            parts["heat"] = body.heat.seconds
         parts["other"] = max(0.0, wall - sum(parts.values()))
         solves = run.solves
         return {
@@ -220,7 +227,8 @@ class Recorder:
             "extents_mm": self.bodies.extents(),
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
             ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
-            ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}),
+            ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}) |
+            ({"heat": self.heat.summary()} if self.heat is not None else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),
@@ -235,7 +243,8 @@ class Recorder:
         w = self.run.body.workpiece
         friction = [f"friction {t.name}: {t.friction.law}" for t in self.run.body.tools if t.has_friction]
         terms = [f"term {name}" for name in w.terms]
-        return terms + friction + self.bodies.parts_built() + [f"scheme {self.run.scheme.name}"]
+        heat = [] if self.run.body.heat is None else self.run.body.heat.parts_built()
+        return terms + friction + heat + self.bodies.parts_built() + [f"scheme {self.run.scheme.name}"]
 
     def _cells(self) -> int:
         topology = self.run.nodes.mesh.topology

@@ -6,6 +6,7 @@ from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
 from .drive_checks import ratio_problems, stop_problems
+from .heat import heat_problems, heat_warnings, tool_material
 from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
 from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
@@ -36,11 +37,11 @@ def check(scene):
             return tools_alone_warnings(scene)
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene), *inertia_problems(scene)]
-        problems += [*placement_problems(scene), *pair_problems(scene)]
+        problems += [*placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
     return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
-            *library_warnings(scene)]
+            *library_warnings(scene), *heat_warnings(scene)]
 
 
 def _name_problems(scene):
@@ -179,14 +180,17 @@ def _size_problems(scene, drive, name):
 
 def _unused(scene):
     used = {body.material for body in scene.workpieces.values()} | {s.material for *_, s in solids_of(scene)}
+    if scene.computes_heat:
+        used |= {tool_material(scene, name) for name in scene.tools}
     for name, material in scene.materials.items():
         if name not in used:
             yield f"materials.{name}: no body is made of it"
             continue
-        for keys, why in ((_HEAT, "temperatures are not computed"), (_ELASTIC, "elastic strains are not computed")):
+        heat = () if scene.computes_heat else _HEAT
+        for keys, why in ((heat, "temperatures are not computed"), (_ELASTIC, "elastic strains are not computed")):
             for key in keys:
                 if material.wrote(key) and getattr(material, key) is not None:
                     yield f"materials.{name}.{key}: has no effect, {why} in this run"
-    for name, body in scene.workpieces.items():
+    for name, body in () if scene.computes_heat else scene.workpieces.items():
         if body.temperature is not None and not scene.materials[body.material].flow_stress.depends_on_temperature:
             yield f"workpieces.{name}.temperature: has no effect, the flow stress does not depend on temperature"

@@ -9,6 +9,7 @@ from ..laws import DriveLaw, FlowStressLaw, Follower, FrictionLaw, NoFriction, R
 from ..laws.damage import DamageLaw
 from ..laws.described import Described, at_key
 from ..laws.elasticity import Elasticity, Hardening
+from ..laws.heat_exchange import Air, HeatExchangeLaw, NoExchange
 from ..units import (
     Conductivity,
     Count,
@@ -30,6 +31,7 @@ from ..units import (
     refused,
 )
 from .contacts import Contacts
+from .heat import asks_for_heat
 from .initial_velocity import InitialVelocity
 from .library import FromLibrary
 from .meshes import Refine, RemeshField
@@ -93,7 +95,8 @@ class Workpiece(Described):
     a round body is cut in half through its centre.
     mesh_size : mm, chosen from the shape if not given. remesh : true or a table with the keys of `Remesh`; the mesh is
     never renewed if not given. refine : list of domains with finer elements, for the first mesh and every later one.
-    temperature : degC, constant, for the flow-stress law. initial_velocity : mm/s, its components, or a table with the
+    temperature : degC, at the start; it stays where nothing asks for temperatures to be computed. air : what the free
+    surface gives heat to. initial_velocity : mm/s, its components, or a table with the
     `kind` "uniform", "homogeneous" or "rotation"; at rest if not given.
     """
 
@@ -102,6 +105,7 @@ class Workpiece(Described):
     symmetry: Axes = ()
     mesh_size: Positive(Length) | None = None
     temperature: Temperature | None = None
+    air: Air | None = None
     remesh: RemeshField = None
     refine: Refine = ()
     initial_velocity: InitialVelocity | None = None
@@ -116,6 +120,7 @@ class RigidTool(Described):
     drive: DriveLaw | None = None
     friction: FrictionLaw = NoFriction()
     symmetry: Axes = ()
+    heat_exchange: HeatExchangeLaw = NoExchange()
 
 
 class Tool(Solid, RigidTool):
@@ -125,6 +130,7 @@ class Tool(Solid, RigidTool):
     ----------
     shape : a tool shape; may be left out of an assembled tool. drive : how it moves; at rest without.
     friction : on its surface, none if not given. symmetry : axes; the low face of a closed shape on each is a mirror plane.
+    heat_exchange : with the workpiece, none if not given.
     parts : tables by name with the keys of `Part`, for an assembled tool. stress_state : "plane_stress" instead of plane
     strain, of tools in the plane. The other keys are those of `Solid`.
     """
@@ -317,6 +323,11 @@ class Scene(Described):
     def is_tools_alone(self):
         """Whether nothing is formed: deformable tools under loads of their own."""
         return not self.workpieces
+
+    @property
+    def computes_heat(self):
+        """Whether the temperatures of the workpiece change."""
+        return asks_for_heat(self) is not None
 
     @property
     def is_assembled(self):

@@ -74,6 +74,8 @@ class Process(Described):
     remeshing and, so that little is due then, after every step; "each_step", also without; false, never.
     inertia : whether acceleration takes force. weight : whether gravity acts, along the negative z (in plane strain y).
     Both need the density of the material.
+    flow : false where nothing is formed: heat alone, until a time. heat : whether temperatures are computed; if not given,
+    where something asks for it (air, heat_exchange, plastic_heat_fraction, flow = false).
     """
 
     shifting: Annotated[
@@ -83,6 +85,8 @@ class Process(Described):
     volume_constancy: Annotated[bool | Literal["each_step"], BeforeValidator(_volume_constancy), _VOLUME_SCHEMA] = True
     inertia: Flag = False
     weight: Flag = False
+    flow: Flag = True
+    heat: Flag | None = None
 
     @model_validator(mode="after")
     def _one_number_of_substeps(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ..physics.gather import scatter_cell_values, scatter_facets, scatter_nodal
@@ -22,7 +23,8 @@ def save(run, path: Path, state: State) -> None:
         "points": _listed(run.points), "flow_lines": _listed(run.lines),
         "start_volume": run.start_volume, "start_extents": run.start_extents,
         "volume_ledger": run.volume_ledger.memory(),
-        "power_ledger": run.power_ledger.memory(), "folds": run.folds.memory(),
+        "power_ledger": run.power_ledger.memory(),
+        "heat_ledger": None if run.heat_ledger is None else run.heat_ledger.memory(), "folds": run.folds.memory(),
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "rams": run.body.rams.memory(),
@@ -30,6 +32,7 @@ def save(run, path: Path, state: State) -> None:
         "meshing": None if run.keeper is None else run.keeper.memory()},
         nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
                **{f"history.{name}": values for name, values in state.history.items()},
+               **({} if run.body.heat is None else run.body.heat.saved(state.heat, state.flow.rates)),
                **{f"scheme.{name}": values for name, values in remembered.items()},
                **{f"inertia.{name}": values for name, values in moved.items()}},
         cellwise=dict(zip(("stress", "rate"), w.point_data(), strict=True), **masses),
@@ -70,7 +73,11 @@ def resumed(run, checkpoint: Checkpoint) -> State:
             body.interfaces.resume({name: scatter_facets(run.nodes, contact.points, checkpoint.between[name])["state"]
                                     for name, contact in body.interfaces.by_name.items()}, local["velocity"])
         flow = Flow(workpiece.velocity, body.rates(history), 0)
-    return State(saved["step"], saved["time"], history, flow, saved["dt"])
+    heat = None
+    if body.heat is not None:
+        heat, rates = body.heat.resumed(local)
+        flow = replace(flow, rates=flow.rates | rates)
+    return State(saved["step"], saved["time"], history, flow, saved["dt"], heat=heat)
 
 
 def _with_words(table: dict) -> dict:

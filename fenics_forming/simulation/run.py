@@ -61,6 +61,7 @@ class Simulation:
         self.volume_ledger = VolumeLedgers(self.start_volume) if scene.is_assembled else \
             VolumeLedger(self.start_volume, restored=scene.restores_volume)
         self.power_ledger = PowerLedger()
+        self.heat_ledger = self._heat_ledger(body)
         self.folds = FoldRecord()
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
@@ -114,6 +115,17 @@ class Simulation:
             mesh, self.mesh_size = saved.mesh(self.comm), saved.scalars["mesh_size"]
             self.mirrors = {int(a): v for a, v in saved.scalars["mirrors"].items()}
         return flowing_body(scene, mesh, tools, self.mirrors)
+
+    def _heat_ledger(self, body: FlowingBody):
+        """What is known of heat made and lost, where temperatures change; else None."""
+        if body.heat is None:
+            return None
+        from ..results.heat_ledger import HeatLedger
+
+        ledger = HeatLedger(2 ** len(self.scene.workpiece.symmetry))
+        if self._saved is not None:
+            ledger.remember(self._saved.scalars["heat_ledger"])
+        return ledger
 
     def _volume(self, body: FlowingBody) -> float | dict[str, float]:
         """Volume of the body, mm³ (mm² in plane strain), of several by name."""

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..process.integration import Flow
 
+if TYPE_CHECKING:
+    from ..process.heating import HeatState
+
 
 @dataclass
 class State:
     """Where a run is: step, time s, history of the nodes, the flow, the step length that contact looked ahead, and what
-    has changed the volume in the step, mm³ by cause."""
+    has changed the volume in the step, mm³ by cause; where temperatures change, what the heat needs to know."""
 
     step: int
     time: float
@@ -20,3 +24,4 @@ class State:
     flow: Flow
     dt: float
     volume_changes: dict[str, float] = field(default_factory=dict)
+    heat: HeatState | None = None

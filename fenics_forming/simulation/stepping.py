@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ConvergenceError, MeshError
 from ..process.body import FlowingBody
-from ..process.integration import StepEnd
+from ..process.integration import StepEnd, drifting
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
 from ..process.tool_corners import hold_corners
@@ -49,7 +49,8 @@ class Stepper:
         history = self.body.new_history()
         dt = self.choice.next(0.0).dt
         self.body.place(0.0)
-        return State(0, 0.0, history, self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead), dt)
+        heat = None if self.body.heat is None else self.body.heat.first()
+        return State(0, 0.0, history, self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead), dt, heat=heat)
 
     def advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
@@ -99,8 +100,9 @@ class Stepper:
         """The state on a new mesh, and the flow there; the old ones, and a note, where that fails."""
         old = self.body
         try:
+            carried = state.history if old.heat is None else old.heat.spread(state.history | old.heat.packed(state.heat))
             self.body, history, flow = self.keeper.renew(
-                old, self.scheme, state.history, state.flow, reason=reason, step=state.step, time=state.time,
+                old, self.scheme, carried, state.flow, reason=reason, step=state.step, time=state.time,
                 dt=state.dt)
         except (MeshError, ConvergenceError) as failure:
             observer.note(f"step {state.step}: the mesh stays as it is, for a new one failed: {failure}")
@@ -109,7 +111,11 @@ class Stepper:
         self._volume_ledger.book(self.keeper.records[-1].volume)
         self._on_new_mesh()
         observer.note(f"step {state.step}: new mesh, {self.keeper.records[-1]}")
-        self.renewed = replace(state, history=history, flow=flow)
+        heat = None
+        if self.body.heat is not None:
+            history, heat = self.body.heat.unpacked(history, state.heat)
+            flow = drifting(flow, heat)
+        self.renewed = replace(state, history=history, flow=flow, heat=heat)
         return self.renewed
 
     def _watched(self) -> list[tuple[float, float, float]]:
@@ -135,7 +141,9 @@ class Stepper:
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
         start = body.rams.begin(state.flow, dt)
-        end = self._travel(state, dt) if travels else scheme.advance(body, start, state.time, state.history, dt)
+        gathering = body.gathering(state.history)
+        end = self._travel(gathering, state.time + dt) if travels else \
+            scheme.advance(body, start, state.time, gathering, dt)
         body.settle(self.choice.end_of(state.time, dt))
         history = end.history if travels or self.keeper is None else hold_corners(body, end.history)
         changes = {} if travels else self._account_for_volume()
@@ -144,9 +152,14 @@ class Stepper:
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
         body.move_tools(np.nextafter(time, -np.inf) if turns else time)
+        heat = None
+        if body.heat is not None:
+            history, heat = body.heat.advance(state.history, history, state.heat, body.tools, dt)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
-        return State(state.step + 1, time, history, flow, ahead, changes), 1 + end.solves, end.error
+        if heat is not None:
+            flow = drifting(flow, heat)
+        return State(state.step + 1, time, history, flow, ahead, changes, heat), 1 + end.solves, end.error
 
     def _account_for_volume(self) -> dict[str, float]:
         """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""
@@ -172,11 +185,11 @@ class Stepper:
         self.scheme = scheme_of(self.scene.shifting)
         return replace(state, flow=flow)
 
-    def _travel(self, state: State, dt: float):
-        """The tools move on, the body rests; what follows knows nothing of the flow before."""
+    def _travel(self, history: dict, time: float):
+        """The tools move on to ``time``, the body rests; what follows knows nothing of the flow before."""
         self.scheme = scheme_of(self.scene.shifting)
-        self.body.place(state.time + dt)
-        return StepEnd(state.history, 0, 0, None, 0.0)
+        self.body.place(time)
+        return StepEnd(history, 0, 0, None, 0.0)
 
     def _go_back(self, before: tuple, scheme, time: float) -> None:
         self.body.restore(before)

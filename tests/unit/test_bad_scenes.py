@@ -51,7 +51,7 @@ CASES = [
     (["contacts=[{ betwen = ['a', 'b'] }]"], "contacts.0.betwen", "did you mean 'between'?"),
     (["contacts=[{ between = ['a', 'b'], element = 'mortar' }]"], "contacts.0.element", "integration_point"),
     (["contacts=[{ between = ['a', 'b'], interference = -1 }]"], "contacts.0.interference", "negative"),
-    (["tools.upper.heat_exchange={ kind = 'column' }"], "tools.upper.heat_exchange", "allowed: shape, drive"),
+    (["tools.upper.cooling={ kind = 'column' }"], "tools.upper.cooling", "allowed: shape, drive"),
     (["solver.penalty=3"], "solver.penalty", "did you mean 'penalty_factor'?"),
     # kinds and laws
     ([f"{DRIVE}.kind=motor"], f"{DRIVE}.kind", "allowed: speed, table, rotation"),

@@ -1,0 +1,33 @@
+"""From a scene to the heat problem of its workpiece."""
+
+from __future__ import annotations
+
+from ..laws.heat_exchange import effusivity
+from ..physics.contact.facets import ContactFacets
+from ..physics.thermal.field import HeatField
+from ..scene import Scene
+from ..scene.heat import missing, tool_material
+from .heating import BodyHeat, ToolExchange
+
+
+def body_heat(scene: Scene, nodes, kinematics, surface, workpiece=None) -> BodyHeat:
+    """The heat of the workpiece of a scene on its present mesh.
+
+    surface : facets of it that lie on no mirror plane · workpiece : whose flow makes heat, or None
+    """
+    body = scene.workpiece
+    material = scene.materials[body.material]
+    field = HeatField(nodes, kinematics, conductivity=material.conductivity,
+                      volumetric_capacity=material.density * material.specific_heat)
+    exchanges = {name: ToolExchange(tool.heat_exchange, _effusivity(scene, name))
+                 for name, tool in scene.tools.items() if tool.heat_exchange.acts}
+    contact = None if workpiece is None else workpiece.contact
+    facets = ContactFacets(nodes, kinematics, surface) if contact is None else contact.facets
+    return BodyHeat(field, facets, exchanges=exchanges, effusivity=effusivity(material), air=body.air,
+                    workpiece=workpiece, plastic_fraction=None if workpiece is None else material.plastic_heat_fraction)
+
+
+def _effusivity(scene: Scene, tool: str) -> float | None:
+    """That of a tool, where its material is known and complete."""
+    material = scene.materials.get(tool_material(scene, tool))
+    return None if material is None or missing(material) else effusivity(material)

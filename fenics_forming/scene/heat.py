@@ -1,0 +1,79 @@
+"""Whether a scene computes temperatures, and what it must say for that."""
+
+from ..errors import SceneError
+from ..laws.described import unknown_word
+
+NEEDED = ("density", "conductivity", "specific_heat")
+
+
+def asks_for_heat(scene):
+    """The first dotted key by which a scene asks for temperatures to be computed; None where it does not."""
+    if scene.process.heat is False:
+        return None
+    if scene.process.heat:
+        return "process.heat"
+    if not scene.process.flow:
+        return "process.flow"
+    for name, body in scene.workpieces.items():
+        if body.air is not None:
+            return f"workpieces.{name}.air"
+        material = scene.materials.get(body.material)
+        if body.temperature is not None and material is not None and material.wrote("plastic_heat_fraction") \
+                and material.plastic_heat_fraction and not missing(material):
+            return f"materials.{body.material}.plastic_heat_fraction"
+    return next((f"tools.{name}.heat_exchange" for name, tool in scene.tools.items() if tool.heat_exchange.acts), None)
+
+
+def missing(material):
+    """Keys that a material lacks for its temperature to be computed."""
+    return [key for key in NEEDED if getattr(material, key) is None]
+
+
+def tool_material(scene, name):
+    """Name of the material that a tool exchanges heat as; None where it is not known."""
+    return getattr(scene.tools[name].heat_exchange, "material", None) or getattr(scene.tools[name], "material", None)
+
+
+def heat_problems(scene):
+    """What makes a scene that asks for temperatures impossible, as `SceneError`s."""
+    asking = asks_for_heat(scene)
+    if asking is None:
+        return
+    if scene.is_assembled:
+        yield SceneError("temperatures are computed for a single workpiece; this scene has several", key=asking,
+                         allowed="one workpiece, or none of air, heat_exchange and plastic_heat_fraction")
+        return
+    for name, body in scene.workpieces.items():
+        if body.temperature is None:
+            yield SceneError(f"is missing; {asking} asks for temperatures to be computed",
+                             key=f"workpieces.{name}.temperature", allowed="a temperature such as '1150 degC'")
+        for key in missing(scene.materials[body.material]):
+            yield SceneError(f"is missing; {asking} asks for temperatures to be computed",
+                             key=f"materials.{body.material}.{key}", allowed="a positive quantity")
+    for name in scene.tools:
+        yield from _tool_problems(scene, name)
+
+
+def _tool_problems(scene, name):
+    law = scene.tools[name].heat_exchange
+    if law.kind not in ("column", "coupled"):
+        return
+    material, key = tool_material(scene, name), f"tools.{name}.heat_exchange.material"
+    if material is None:
+        yield SceneError(f"is missing; heat exchange of the kind '{law.kind}' needs the material of the tool", key=key,
+                         allowed="the name of a material")
+    elif material not in scene.materials:
+        yield unknown_word(f"'{material}' is not the name of a material", material, scene.materials, key)
+    else:
+        for needed in missing(scene.materials[material]):
+            yield SceneError(f"is missing; the tool '{name}' is made of '{material}' and takes up heat",
+                             key=f"materials.{material}.{needed}", allowed="a positive quantity")
+
+
+def heat_warnings(scene):
+    """What in a scene may be meant otherwise, one sentence each."""
+    if asks_for_heat(scene) is None:
+        return
+    for body in scene.workpieces.values():
+        if scene.process.flow and scene.materials[body.material].plastic_heat_fraction is None:
+            yield f"materials.{body.material}.plastic_heat_fraction: is not given, plastic work does not heat the body"

@@ -1,0 +1,94 @@
+"""A hot run on two ranks, resumed, remeshed and cut is the same run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from .scenes import run
+from .test_ranks import on_ranks, same
+from .test_resume import goes_on, resumed
+
+HOT = """
+title = "Hot upsetting between a die of constant temperature and one of columns"
+geometry = "axisymmetric"
+
+[materials.steel]
+flow_stress = { law = "hensel_spittel", A = "1200 MPa", m1 = -0.0025, m2 = 0.02, m3 = 0.13, m4 = -0.02 }
+density = "7500 kg/m^3"
+conductivity = "28 W/m/K"
+specific_heat = "650 J/kg/K"
+plastic_heat_fraction = 0.9
+
+[materials.die]
+density = "7800 kg/m^3"
+conductivity = "30 W/m/K"
+specific_heat = "500 J/kg/K"
+
+[workpieces.billet]
+shape = { kind = "rectangle", from = [0, 0], to = [10, 20] }
+material = "steel"
+temperature = "1150 degC"
+mesh_size = "3 mm"
+air = { temperature = "20 degC", coefficient = "20 W/m^2/K", emissivity = 0.8 }
+
+[tools.lower]
+shape = { kind = "plane", point = [0, 0], normal = [0, 1] }
+friction = { law = "siebel", factor = 0.4 }
+heat_exchange = { kind = "constant", temperature = "250 degC", coefficient = "10000 W/m^2/K" }
+
+[tools.upper]
+shape = { kind = "plane", point = [0, 20], normal = [0, -1] }
+drive = { kind = "speed", velocity = [0, "-100 mm/s"] }
+friction = { law = "siebel", factor = 0.4 }
+heat_exchange = { kind = "column", material = "die", temperature = "250 degC", coefficient = "10000 W/m^2/K" }
+
+[points.rim]
+body = "billet"
+at = [10, 20]
+
+[steps]
+stroke = "0.5 mm"
+
+[stop]
+stroke = "4 mm"
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return run(HOT, tmp_path_factory.mktemp("whole")).results
+
+
+def test_a_resumed_hot_run_goes_on_with_its_temperatures_columns_and_balance(whole, tmp_path):
+    again = resumed(HOT, tmp_path, "stop.stroke='2 mm'")
+    goes_on(whole, again)
+    temperatures = [results.history.column("rim_temperature_degC") for results in (whole, again)]
+    assert temperatures[1] == pytest.approx(temperatures[0], rel=1e-10)
+    one, other = (results.summary["ledger"]["heat"]["sums_mJ"] for results in (whole, again))
+    assert other == pytest.approx(one, rel=1e-9), "summed over both parts"
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_the_temperatures_that_one_finds(whole, tmp_path):
+    two = on_ranks(2, HOT, tmp_path)
+    same(whole.history, two.history, but=("wall_s", "heat_imbalance"))
+
+
+def test_every_step_balances_its_heat_and_nothing_is_hotter_than_work_can_make_it(whole):
+    """1e-8 is asked for; what is left is rounding of the heat that the nodes hold."""
+    assert np.abs(whole.history.column("heat_imbalance")).max() < 1e-8
+    assert whole.history.column("min_temperature_degC").min() > 250
+    heat = whole.summary["ledger"]["heat"]["sums_mJ"]
+    assert heat["to_lower"] == pytest.approx(heat["to_upper"], rel=0.25), "a constant die takes more than one that warms up"
+    assert heat["to_lower"] > heat["to_upper"]
+
+
+def test_a_new_mesh_holds_the_heat_of_the_old_one(tmp_path):
+    results = run(HOT, tmp_path, "workpieces.billet.remesh={ every = 2 }").results
+    changes = [record["conservation"]["heat"] for record in results.summary["remeshed"]]
+    assert len(changes) >= 3 and np.abs(changes).max() < 1e-10
+    assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
+    sums = results.summary["ledger"]["heat"]["sums_mJ"]
+    # the body holds what it was given less what it lost, over all its meshes: asked of the mean temperature
+    assert sums["by_plastic"] > 0
