@@ -43,6 +43,8 @@ def heat_problems(scene):
         yield SceneError("temperatures are computed for a single workpiece; this scene has several", key=asking,
                          allowed="one workpiece, or none of air, heat_exchange and plastic_heat_fraction")
         return
+    if not scene.process.flow:
+        yield SceneError("a run without flow is not available yet", key="process.flow", got=False, allowed="true")
     for name, body in scene.workpieces.items():
         if body.temperature is None:
             yield SceneError(f"is missing; {asking} asks for temperatures to be computed",

@@ -72,7 +72,7 @@ def test_a_resumed_hot_run_goes_on_with_its_temperatures_columns_and_balance(who
 @pytest.mark.mpi
 def test_two_ranks_find_the_temperatures_that_one_finds(whole, tmp_path):
     two = on_ranks(2, HOT, tmp_path)
-    same(whole.history, two.history, but=("wall_s", "heat_imbalance"))
+    same(whole.history, two.history)
 
 
 def test_every_step_balances_its_heat_and_nothing_is_hotter_than_work_can_make_it(whole):
@@ -89,6 +89,3 @@ def test_a_new_mesh_holds_the_heat_of_the_old_one(tmp_path):
     changes = [record["conservation"]["heat"] for record in results.summary["remeshed"]]
     assert len(changes) >= 3 and np.abs(changes).max() < 1e-10
     assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
-    sums = results.summary["ledger"]["heat"]["sums_mJ"]
-    # the body holds what it was given less what it lost, over all its meshes: asked of the mean temperature
-    assert sums["by_plastic"] > 0
