@@ -184,7 +184,7 @@ def _near(nodes: Nodes, own: np.ndarray, other: np.ndarray, faces: ToolFaces, co
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     opposed = np.einsum("ski,si->sk", found.normal.reshape(*sides.shape, nodes.dim), across).ravel() < FACING
     close = found.over & opposed & (np.abs(found.gap) < NEAR * size + contact.interference)
-    chosen = own[close.reshape(len(own), -1).any(axis=1)]
+    chosen = own[close.reshape(sides.shape).any(axis=1)]
     if nodes.comm.allreduce(len(chosen)) == 0:
         names = " and ".join(f"'{part}'" for part in contact.between)
         raise SceneError(f"the surfaces of {names} are nowhere near to one another", key=f"contacts.{contact.name}")
