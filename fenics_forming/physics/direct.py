@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
@@ -14,10 +16,17 @@ class DirectSystem:
     """The tangent of a workpiece, the contact of its bodies included, and its factorisation.
 
     What the Newton asks of a linear system: :meth:`follow`, :meth:`assemble`, :meth:`lift`, :meth:`stiffness`,
-    :meth:`solve`, :meth:`solve_also`; ``iterative.system`` is the other one.
+    :meth:`solve`, :meth:`solve_also`, :meth:`news`; ``linear_choice.WithFallback`` is the other one.
+
+    Attributes
+    ----------
+    counts : "solves" so far
     """
 
+    kind = "direct"
+
     def __init__(self, workpiece: Workpiece):
+        self.counts: Counter[str] = Counter()
         self._body, interfaces = workpiece, workpiece.interfaces
         form = workpiece.tangent_form
         self.matrix = SystemMatrix(form) if interfaces is None else CoupledMatrix(form, interfaces)
@@ -50,8 +59,13 @@ class DirectSystem:
 
     def solve(self, b: PETSc.Vec) -> None:
         """Factorise, and solve for the increment."""
+        self.counts["solves"] += 1
         if self._solver is None:
             self._solver = DirectSolver(self.matrix.petsc)
         self._solver.factorise()
         self._solver.solve(b, self._body.increment.x.petsc_vec)
         self._body.increment.x.scatter_forward()
+
+    def news(self) -> list[str]:
+        """What a user wants to hear: nothing."""
+        return []

@@ -82,6 +82,13 @@ class Mass:
             meters["weight"] = -weight_power(gravity, v, self.density, weight, dx)
         return terms, tangents, meters
 
+    def inertia_of_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shape functions (points, 10) and linear ones (points, 4) at the points, and the tangent of the inertia there,
+        (cells, points), t/s: for kernels that build matrices by themselves."""
+        points, _ = basix.make_quadrature(self.nodes.mesh.basix_cell(), DEGREE)
+        hats = basix.create_element(basix.ElementFamily.P, self.nodes.mesh.basix_cell(), 1).tabulate(0, points)[0, :, :, 0]
+        return self._shapes, hats, float(self.per_step.value) * self.of_points
+
     def start_from(self, velocity: np.ndarray, interval: float) -> None:
         """The solve to come ends ``interval``, s, after the nodal velocities (nodes, dim) were those given."""
         self.follow()

@@ -10,7 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
-from .direct import DirectSystem
+from .linear_choice import linear_system
 from .parallel import highest, total
 from .workpiece import Workpiece
 
@@ -47,7 +47,7 @@ class FlowSolver:
         self.workpiece = workpiece
         self.settings = workpiece.settings
         self.seconds = {"assembly": 0.0, "linear solve": 0.0}
-        self.system = DirectSystem(workpiece)
+        self.system = linear_system(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self.border = _border(workpiece)
         self._volume: float | None = None

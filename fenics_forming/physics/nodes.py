@@ -110,6 +110,10 @@ class Nodes:
         nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
         return nodal
 
+    def edge_middles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mid-nodes (k,) and ends (k, 2) of all edges of this rank, ghosts included."""
+        return self._edge_mid, self._edge_ends
+
     def edges_at(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mid-nodes (k,) and ends (k, 2) of the edges of this rank, ghosts included, that meet in one of the vertices."""
         rows = np.isin(self._edge_ends, vertices).any(axis=1)

@@ -18,6 +18,7 @@ class NewtonSettings:
         falls below these
     power_tolerance : and when the power that does not balance is less than this part of the plastic power
     max_iterations : a solve that needs more has failed
+    linear : "direct", "iterative" (in space only), or "auto": iterative in space where that is faster
     damping_from : from this iteration on every second increment is halved (ends cycles of the contact set)
     """
 
@@ -30,3 +31,4 @@ class NewtonSettings:
     damping_from: int = 8
     penalty_factor: float = 10.0
     augmented: bool = True
+    linear: str = "auto"

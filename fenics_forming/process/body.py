@@ -395,6 +395,7 @@ class FlowingBody:
         """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
         self.speed, self.size = other.speed, other.size
         self.seconds, self.solver.seconds = other.seconds, other.solver.seconds
+        self.solver.system.counts.update(other.solver.system.counts)
         if self.contact is not None:
             self.contact.reference = other.contact.reference
 

@@ -95,7 +95,7 @@ class Recorder:
 
     def news(self) -> list[str]:
         """What a user wants to hear of the last step, one sentence each."""
-        return self.bodies.damage_news(self.row) + self.run.folds.news()
+        return self.bodies.damage_news(self.row) + self.run.folds.news() + self.run.body.solver.system.news()
 
     def _look_for_folds(self, step: int, *, now: bool = False) -> None:
         start = perf_counter()
@@ -231,8 +231,9 @@ class Recorder:
             ({"heat": self.heat.summary()} if self.heat is not None else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
-            "newton_iterations_per_solve": self.iterations / max(solves, 1), "remeshings": len(renewed),
-            "remeshed": [asdict(record) for record in renewed],
+            "newton_iterations_per_solve": self.iterations / max(solves, 1),
+            "linear_solver": {"kind": body.solver.system.kind} | dict(body.solver.system.counts),
+            "remeshings": len(renewed), "remeshed": [asdict(record) for record in renewed],
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
             "wall_s_by_part": parts,
             "share_outside_assembly_and_solve": 1.0 - (parts["assembly"] + parts["linear solve"]) / wall if wall else 0.0,

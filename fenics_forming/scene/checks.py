@@ -38,6 +38,7 @@ def check(scene):
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene), *inertia_problems(scene)]
         problems += [*placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
+        problems += [*_solver_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
     return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
@@ -157,6 +158,12 @@ def _step_problems(scene):
             yield SceneError(sentence, key="output.strokes", got=scene.output.strokes, allowed="nothing")
         return
     yield from _size_problems(scene, drive, name)
+
+
+def _solver_problems(scene):
+    if scene.solver.linear == "iterative" and scene.dimension == 2:
+        sentence = "the iterative solver is for bodies in space; expected 'direct' or 'auto' in the plane"
+        yield SceneError(sentence, key="solver.linear", got="iterative", allowed="direct, auto")
 
 
 def _size_problems(scene, drive, name):

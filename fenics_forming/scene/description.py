@@ -208,7 +208,8 @@ class Solver(Described):
     regularisation : of the strain rate, relative to tool speed / body size. slip_regularisation : of the slip velocity,
     relative to the tool speed. velocity_tolerance, force_tolerance : relative changes at which Newton stops.
     max_iterations : of Newton in a solve. penalty_factor : contact penalty relative to the stiffness of the surface.
-    augmented : augmented-Lagrange update of the contact pressure.
+    augmented : augmented-Lagrange update of the contact pressure. linear : how the equations of an iteration are solved,
+    "direct", "iterative" (in space), or "auto".
 
     References
     ----------
@@ -222,6 +223,7 @@ class Solver(Described):
     max_iterations: CountFromOne = 40
     penalty_factor: Positive(Number) = 10.0
     augmented: Flag = True
+    linear: Literal["auto", "direct", "iterative"] = "auto"
 
 
 class Scene(Described):

@@ -87,6 +87,12 @@ class ContactFacets:
         self.traction_function.x.array[: traction.size] = traction.ravel()
         self.tangent_function.x.array[: tangent.size] = tangent.ravel()
 
+    def weighted_tangent(self) -> np.ndarray:
+        """The tangents that are set, each times the surface of its point, (facets, points per facet, dim · dim)."""
+        size = self.count * self.dim**2
+        values = self.tangent_function.x.array[:size].reshape(self.count, -1) * self.weights()[:, None]
+        return values.reshape(-1, self.points_per_facet, self.dim**2)
+
     # ------------------------------------------------------------------ geometry and traces
     def follow(self) -> None:
         """Take over the positions of the body: the submesh has a geometry of its own."""

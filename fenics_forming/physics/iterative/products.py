@@ -1,0 +1,78 @@
+"""Products with symmetric block matrices of which the upper half is stored, compiled by numba."""
+
+from __future__ import annotations
+
+from .kernels import compiled
+
+
+@compiled
+def product(starts, columns, diagonal, upper, x, y):
+    """y = A x for blocks of 3 x 3: diagonal (n, 9), upper (m, 9) with ``columns`` (m,), row i from ``starts[i]`` on."""
+    count = len(starts) - 1
+    y[:] = 0.0
+    for i in range(count):
+        x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
+        d = diagonal[i]
+        s0 = d[0] * x0 + d[1] * x1 + d[2] * x2
+        s1 = d[3] * x0 + d[4] * x1 + d[5] * x2
+        s2 = d[6] * x0 + d[7] * x1 + d[8] * x2
+        for k in range(starts[i], starts[i + 1]):
+            j, b = columns[k], upper[k]
+            z0, z1, z2 = x[j, 0], x[j, 1], x[j, 2]
+            s0 += b[0] * z0 + b[1] * z1 + b[2] * z2
+            s1 += b[3] * z0 + b[4] * z1 + b[5] * z2
+            s2 += b[6] * z0 + b[7] * z1 + b[8] * z2
+            y[j, 0] += b[0] * x0 + b[3] * x1 + b[6] * x2
+            y[j, 1] += b[1] * x0 + b[4] * x1 + b[7] * x2
+            y[j, 2] += b[2] * x0 + b[5] * x1 + b[8] * x2
+        y[i, 0] += s0
+        y[i, 1] += s1
+        y[i, 2] += s2
+
+
+@compiled
+def scalar_product(starts, columns, diagonal, upper, x, y):
+    """y = M x for numbers instead of blocks."""
+    y[:] = 0.0
+    for i in range(len(starts) - 1):
+        s = diagonal[i] * x[i]
+        for k in range(starts[i], starts[i + 1]):
+            j = columns[k]
+            s += upper[k] * x[j]
+            y[j] += upper[k] * x[i]
+        y[i] += s
+
+
+@compiled
+def rows_times(starts, columns, blocks, x, y):
+    """y = B x: (vertices,) from (nodes, 3)."""
+    for i in range(len(starts) - 1):
+        s = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            j, b = columns[k], blocks[k]
+            s += b[0] * x[j, 0] + b[1] * x[j, 1] + b[2] * x[j, 2]
+        y[i] = s
+
+
+@compiled
+def columns_times(starts, columns, blocks, x, y):
+    """y = B^T x: (nodes, 3) from (vertices,)."""
+    y[:] = 0.0
+    for i in range(len(starts) - 1):
+        s = x[i]
+        for k in range(starts[i], starts[i + 1]):
+            j, b = columns[k], blocks[k]
+            y[j, 0] += b[0] * s
+            y[j, 1] += b[1] * s
+            y[j, 2] += b[2] * s
+
+
+@compiled
+def apply_blocks(blocks, x, y):
+    """y = D x for a block diagonal (n, 9)."""
+    for i in range(len(blocks)):
+        d = blocks[i]
+        x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
+        y[i, 0] = d[0] * x0 + d[1] * x1 + d[2] * x2
+        y[i, 1] = d[3] * x0 + d[4] * x1 + d[5] * x2
+        y[i, 2] = d[6] * x0 + d[7] * x1 + d[8] * x2

@@ -1,0 +1,182 @@
+"""The linearised flow in space, solved by flexible GMRES with a block-triangular preconditioner."""
+
+from __future__ import annotations
+
+import basix
+import numpy as np
+from petsc4py import PETSc
+
+from ...errors import ConvergenceError
+from ..nodes import QUADRATURE_DEGREE
+from ..workpiece import Workpiece
+from . import kernels
+from .coarse import CoarseSolver
+from .krylov import fgmres
+from .multigrid import TwoLevels
+from .pattern import Incidence, Pattern
+from .pressure_block import Divergence, PressureMass
+from .sharing import Shared
+from .velocity_block import VelocityBlock
+
+ALSO = 1e-4     # tolerance of further right-hand sides: what is found from them is small, and must be exact
+SCHUR = 0.5     # of the pressure mass over the viscosity: what the pressure is scaled by
+
+
+class IterativeSystem:
+    """The tangent of a workpiece in blocks, and its Krylov solver; answers what ``direct.DirectSystem`` answers.
+
+    Attributes
+    ----------
+    iterations : of the last solve
+    tolerance : of its residual, relative; most : iterations of a solve
+    """
+
+    def __init__(self, workpiece: Workpiece, *, tolerance: float = 1e-2, most: int = 100):
+        self._body, self.tolerance, self.most = workpiece, tolerance, most
+        self.iterations = 0
+        n = self._n = workpiece.nodes
+        self._reference_cell()
+        nodes, vertices = Shared(n.mesh.geometry.index_map()), Shared(n.scalar_space.dofmap.index_map)
+        self._nodes, self._vertices = nodes, vertices
+        self._corners = n.scalar_dofs[n.vertices]
+        self._vertex_nodes = np.empty(vertices.count, np.int32)
+        at = np.flatnonzero(n.is_vertex)
+        self._vertex_nodes[n.scalar_dofs[at]] = at
+        free = np.ones(len(workpiece.solution.x.array))
+        free[workpiece.fixed_dofs] = 0.0
+        anything = np.cos(7.0 * n.x / np.ptp(n.extents()) + np.arange(3))      # the same on any number of ranks
+        self.block = VelocityBlock(Pattern(n.cells, nodes.count), nodes, anything)
+        self.block.free[:] = free[workpiece.velocity_dofs]
+        linear = Pattern(self._corners, vertices.count)
+        self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes])
+        self.mass = PressureMass(linear, vertices)
+        self.mass.free[:] = free[workpiece.pressure_dofs[self._vertex_nodes]]
+        self.divergence = Divergence(Incidence(self._corners, n.cells, vertices.count, nodes.count), vertices, nodes)
+        self.levels = TwoLevels(n, self.block, self.coarse, self._vertex_nodes)
+        if workpiece.contact is not None:
+            facets = workpiece.contact.facets.facet_nodes
+            self._facet_corners = n.scalar_dofs[facets[:, :3]]
+            self._facet_places = self.block.pattern.places_of(facets)
+            self._facet_coarse_places = linear.places_of(self._facet_corners)
+        self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
+        self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
+        self._split = 3 * nodes.owned
+
+    def _reference_cell(self):
+        cell = self._n.mesh.basix_cell()
+        points, self._weights = basix.make_quadrature(cell, QUADRATURE_DEGREE[3])
+        table = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped).tabulate(1, points)
+        self._shape, self._table = table[0, :, :, 0].copy(), np.moveaxis(table[1:, :, :, 0], 0, 2).copy()
+        hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(1, points)
+        self._hats, self._hat_table = hats[0, :, :, 0].copy(), hats[1:, 0, :, 0].T.copy()
+
+    # ------------------------------------------------------------------ what the Newton asks
+    def follow(self) -> None:
+        """Make ready for the present geometry. Collective."""
+        self.divergence.blocks[:] = 0.0
+        kernels.divergence(self._n.x, self._n.cells, self._weights, self._table, self._hats, self.divergence.pattern.places,
+                           self.divergence.blocks)
+        self.coarse.place(self._n.x[self._vertex_nodes])
+
+    def assemble(self) -> None:
+        """The tangent at the present state."""
+        body, block, coarse, mass = self._body, self.block, self.coarse, self.mass
+        for part in (block, coarse, mass):
+            part.clear()
+        shape = (len(self._n.cells), len(self._weights))
+        kernels.tangent(self._n.x, self._n.cells, self._corners, self._weights, self._table, self._hats, self._hat_table,
+                        body.sigma.reshape(shape), body.point_rate().reshape(shape),
+                        body.softening.reshape(shape), body.strain_rate.reshape(*shape, 6), body.tau.reshape(*shape, 6),
+                        block.pattern.places, block.diagonal, block.upper, coarse.pattern.places, coarse.diagonal,
+                        coarse.upper, mass.diagonal, mass.upper)
+        if "drag" in body.tangents:
+            kernels.volumes(self._n.x, self._n.cells, self._weights, self._table, volumes := np.empty(shape))
+            self._add_mass(self._shape, self._hats, float(body.drag.value) * volumes)
+        if "inertia" in body.tangents:
+            self._add_mass(*body.mass.inertia_of_points())
+        if body.contact is not None:
+            self._add_contact()
+
+    def _add_mass(self, shape: np.ndarray, hats: np.ndarray, weighted: np.ndarray):
+        """Add ∫ c v·w, with shape functions and c times volume (cells, points) at points of a rule of its own."""
+        block, coarse = self.block, self.coarse
+        kernels.mass_blocks(self._n.cells, shape, weighted, block.pattern.places, block.diagonal, block.upper)
+        kernels.mass_blocks(self._corners, hats, weighted, coarse.pattern.places, coarse.diagonal, coarse.upper)
+
+    def _add_contact(self):
+        facets = self._body.contact.facets
+        weighted = facets.weighted_tangent()
+        kernels.facet_blocks(facets.facet_nodes, facets.shape, weighted, self._facet_places, self.block.diagonal,
+                             self.block.upper)
+        kernels.facet_blocks(self._facet_corners, facets.hats, weighted, self._facet_coarse_places, self.coarse.diagonal,
+                             self.coarse.upper)
+
+    def lift(self, b: PETSc.Vec) -> None:
+        """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
+        body = self._body
+        missing = np.zeros(len(body.solution.x.array))
+        missing[body.fixed_dofs] = body._values.x.array[body.fixed_dofs] - body.solution.x.array[body.fixed_dofs]
+        v = missing[body.velocity_dofs]
+        with b.localForm() as local:
+            forces = self.block.times(v, np.empty_like(v))
+            np.add.at(local.array_w, body.velocity_dofs.ravel(), forces.ravel())
+            rows = body.pressure_dofs[self._vertex_nodes]
+            np.add.at(local.array_w, rows, self.divergence.times(v))
+
+    def stiffness(self) -> np.ndarray:
+        """Diagonal of the velocities, (nodes, dim), N s/mm."""
+        return self.block.stiffness()
+
+    def solve(self, b: PETSc.Vec) -> None:
+        """Set the preconditioner up, and solve for the increment.
+
+        Raises
+        ------
+        ConvergenceError
+            if the residual does not fall below the tolerance.
+        """
+        self.block.prepare_smoother()
+        self.coarse.prepare()
+        self.mass.prepare()
+        self.solve_also(b, self._body.increment.x.petsc_vec, self.tolerance)
+        self._body.increment.x.scatter_forward()
+
+    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = ALSO) -> None:
+        """The same for another right-hand side, with the preconditioner that is set up."""
+        rhs = np.concatenate([(b.array[self._own_velocity] * self.block.free[: self._nodes.owned]).ravel(),
+                              b.array[self._own_pressure] * self.mass.free[: self._vertices.owned]])
+        found = fgmres(self._n.comm, self._times, self._precondition, rhs, tolerance=tolerance, most=self.most)
+        self.iterations = found.iterations
+        if not found.reduction <= tolerance:
+            raise ConvergenceError(f"{found.iterations} Krylov iterations leave {found.reduction:.1e} of the residual")
+        x.array[:] = b.array        # where velocities are given
+        free, owned = self.block.free[: self._nodes.owned] > 0, found.x[: self._split].reshape(-1, 3)
+        x.array[self._own_velocity[free]] = owned[free]
+        free = self.mass.free[: self._vertices.owned] > 0
+        x.array[self._own_pressure[free]] = found.x[self._split:][free]
+
+    # ------------------------------------------------------------------ operator and preconditioner
+    def _known_to_all(self, owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities (nodes, 3) and pressures (vertices,) with their copies, of the owned unknowns."""
+        v, p = np.zeros((self._nodes.count, 3)), np.zeros(self._vertices.count)
+        v[: self._nodes.owned] = owned[: self._split].reshape(-1, 3)
+        p[: self._vertices.owned] = owned[self._split:]
+        return self._nodes.hand_on(v), self._vertices.hand_on(p)
+
+    def _owned(self, v: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.concatenate([v[: self._nodes.owned].ravel(), p[: self._vertices.owned]])
+
+    def _times(self, z: np.ndarray) -> np.ndarray:
+        v, p = self._known_to_all(z)
+        y = self.block.times(v, np.empty_like(v))
+        y += self.divergence.transposed_times(p)
+        y = self._nodes.add_up(y) * self.block.free
+        q = self._vertices.add_up(self.divergence.times(v)) * self.mass.free
+        return self._owned(y, q)
+
+    def _precondition(self, r: np.ndarray) -> np.ndarray:
+        v, p = self._known_to_all(r)
+        p = -SCHUR * self.mass.solve(p)
+        load = self._nodes.add_for_all(self.divergence.transposed_times(p))
+        v -= load * self.block.free
+        return self._owned(self.levels(v), p)

@@ -1,0 +1,105 @@
+"""Which linear solver a workpiece gets: factorisation, or in space, from a few thousand unknowns on, iterations."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from petsc4py import PETSc
+
+from ..errors import ConvergenceError
+from .direct import DirectSystem
+from .workpiece import Workpiece
+
+# Below, a factorisation takes less time than setting the iterative solver up (benchmarks/solver3d.py).
+ITERATIVE_FROM = 3000       # unknowns
+MOST_FAILURES = 3           # in a row, of the iterations, before a body is solved directly for good
+# Whose tangents the kernels of the iterative solver know.
+KNOWN_TERMS = {"plastic", "incompressibility", "contact", "drag", "inertia"}
+
+
+def linear_system(workpiece: Workpiece):
+    """A direct or an iterative system, as ``settings.linear`` says: "direct", "iterative" or "auto"."""
+    wanted = workpiece.settings.linear
+    known = workpiece.nodes.dim == 3 and set(workpiece.tangents) <= KNOWN_TERMS and workpiece.interfaces is None
+    unknowns = workpiece.space.dofmap.index_map.size_global
+    if not known or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
+        return DirectSystem(workpiece)
+    return WithFallback(workpiece)
+
+
+class WithFallback:
+    """An iterative system; where its iterations stall, the same equations are factorised, and it says so.
+
+    Attributes
+    ----------
+    counts : "solves", "krylov iterations", and those "solved directly" after all
+    """
+
+    kind = "iterative"
+
+    def __init__(self, workpiece: Workpiece):
+        from .iterative.system import IterativeSystem
+        self._body = workpiece
+        self.iterative = IterativeSystem(workpiece)
+        self._direct: DirectSystem | None = None
+        self._failures, self._news = 0, []
+        self.counts: Counter[str] = Counter()
+
+    def follow(self) -> None:
+        """Make ready for the present geometry and the present pairs of bodies in contact. Collective."""
+        self.iterative.follow()
+        self._followed = False
+
+    def assemble(self) -> None:
+        """The tangent at the present state."""
+        self.iterative.assemble()
+
+    def lift(self, b: PETSc.Vec) -> None:
+        """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
+        self.iterative.lift(b)
+
+    def stiffness(self):
+        """Diagonal of the velocities, (nodes, dim), N s/mm."""
+        return self.iterative.stiffness()
+
+    def solve(self, b: PETSc.Vec) -> None:
+        """Solve for the increment, by iterations if they converge."""
+        self.counts["solves"] += 1
+        if self._failures < MOST_FAILURES:
+            try:
+                self.iterative.solve(b)
+                self._failures, self._last = 0, self.iterative
+                return
+            except ConvergenceError as failure:
+                self._failures += 1
+                self._news.append(f"the iterative solver stalled ({failure.sentence}); solved directly" +
+                                  (" from now on" if self._failures == MOST_FAILURES else ""))
+            finally:
+                self.counts["krylov iterations"] += self.iterative.iterations
+        self._solve_directly(b)
+
+    def _solve_directly(self, b: PETSc.Vec) -> None:
+        self.counts["solved directly"] += 1
+        if self._direct is None:
+            self._direct = DirectSystem(self._body)
+        if not self._followed:
+            self._direct.follow()
+            self._followed = True
+        self._direct.assemble()
+        self._direct.solve(b)
+        self._last = self._direct
+
+    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Another right-hand side for the matrix of the last :meth:`solve`."""
+        try:
+            self._last.solve_also(b, x)
+        except ConvergenceError:        # the iterations for this one stall: then all of them are found directly
+            increment = self._body.increment.x.array.copy()
+            self._solve_directly(b)
+            self._body.increment.x.array[:] = increment
+            self._direct.solve_also(b, x)
+
+    def news(self) -> list[str]:
+        """What a user wants to hear, since it was asked last, one sentence each."""
+        news, self._news = list(dict.fromkeys(self._news)), []
+        return news

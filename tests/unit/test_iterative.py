@@ -1,0 +1,130 @@
+"""The iterative solver in space: its matrices are those of the forms, its solutions those of a factorisation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_forming import SceneError, laws, scene
+from fenics_forming.physics.direct import DirectSystem
+from fenics_forming.physics.iterative.krylov import fgmres
+from fenics_forming.physics.iterative.products import product
+from fenics_forming.simulation.run import Simulation
+
+
+def cube(**solver):
+    """An eighth of a cube under a ball, with friction, of about a thousand unknowns."""
+    return scene.Scene(
+        geometry="3d", materials={"m": scene.Material(flow_stress=laws.Linear(initial=100, hardening=50))},
+        workpieces={"b": scene.Workpiece(shape=scene.Box(from_=(0, 0, 0), to=(2, 2, 2)), material="m", mesh_size=1.0,
+                                         symmetry=["x", "y", "z"])},
+        tools={"ball": scene.Tool(shape=scene.SphereTool(centre=(0, 0, 6), radius=4), friction=laws.Siebel(factor=0.5),
+                                  drive=laws.SpeedDrive(velocity=(0, 0, -1)))},
+        steps=scene.Steps(stroke=0.1), stop=scene.Stop(stroke=0.2), solver=scene.Solver(**solver))
+
+
+@pytest.fixture(scope="module")
+def flowing():
+    """The body in the middle of a solve, on curved cells: what the matrices are made of is anything but simple."""
+    body = Simulation(cube(linear="iterative")).body
+    history = body.new_history()
+    x, centre = body.x, np.array([1.0, 1.0, 2.0])
+    x[:] += 0.05 * np.sin(2 * x[:, [1, 2, 0]] + 1) * (x * (x - 2) != 0)
+    history["effective_strain"][:] = np.linalg.norm(x - centre, axis=1)
+    body.solve(0.0, history, 0.1)
+    system = body.solver.system.iterative
+    system.follow()
+    system.assemble()
+    direct = DirectSystem(body.workpiece)
+    direct.assemble()
+    return body, system, direct
+
+
+def anything(body, seed=0):
+    """A vector of all unknowns, zero where velocities are given, and its owned part as the iterative solver has it."""
+    vector = body.solver.b.duplicate()
+    vector.array[:] = np.random.default_rng(seed).standard_normal(vector.array.size)
+    vector.array[body.workpiece.fixed_dofs] = 0.0
+    return vector
+
+
+def parts(system, vector):
+    return np.concatenate([vector.array[system._own_velocity].ravel(), vector.array[system._own_pressure]])
+
+
+def test_blocks_of_the_kernels_are_the_matrix_of_the_form(flowing):
+    body, system, direct = flowing
+    x = anything(body)
+    y = x.duplicate()
+    direct.matrix.petsc.mult(x, y)
+    np.testing.assert_allclose(system._times(parts(system, x)), parts(system, y), rtol=0, atol=1e-12 * y.norm())
+    free = system.block.free > 0
+    np.testing.assert_allclose(system.stiffness()[free], direct.stiffness()[free], rtol=1e-10)
+
+
+def test_form_of_the_vertices_is_the_galerkin_product_on_curved_cells(flowing):
+    _, system, _ = flowing
+    x = np.random.default_rng(1).standard_normal((len(system._vertex_nodes), 3))
+    y, pattern = np.empty_like(x), system.coarse.pattern
+    product(pattern.starts, pattern.columns, system.coarse.diagonal, system.coarse.upper, x, y)
+    fine = system.levels.prolonged(x)
+    through = system.levels.restricted(system.block.times(fine, np.empty_like(fine)))
+    np.testing.assert_allclose(through, y, rtol=0, atol=1e-12 * np.abs(y).max())
+
+
+def test_iterations_find_what_a_factorisation_finds(flowing):
+    body, system, direct = flowing
+    b = anything(body, 2)
+    increment = body.workpiece.increment.x.array
+    system.tolerance = 1e-10
+    system.solve(b)
+    found = increment.copy()
+    system.tolerance = 1e-2
+    direct.solve(b)
+    np.testing.assert_allclose(found, increment, rtol=0, atol=1e-8 * np.abs(increment).max())
+
+
+def test_a_stalled_iteration_is_solved_directly_and_says_so():
+    body = Simulation(cube(linear="iterative")).body
+    system = body.solver.system
+    system.iterative.most = 1
+    body.solve(0.0, body.new_history(), 0.1)
+    assert system.counts["solved directly"] == system.counts["solves"]
+    assert any("stalled (1 Krylov iterations leave" in sentence for sentence in system.news())
+    assert system.news() == []
+    directly = Simulation(cube(linear="direct")).body
+    directly.solve(0.0, directly.new_history(), 0.1)
+    np.testing.assert_allclose(body.contact.forces(), directly.contact.forces(), rtol=1e-9)
+
+
+def test_fgmres_solves_in_as_many_iterations_as_there_are_eigenvalues():
+    from mpi4py import MPI
+    values = np.repeat([1.0, 3.0, 7.0], 20)
+    b = np.random.default_rng(0).standard_normal(60)
+    found = fgmres(MPI.COMM_SELF, lambda x: values * x, lambda x: x, b, tolerance=1e-12, most=10)
+    assert found.iterations == 3
+    np.testing.assert_allclose(found.x, b / values, rtol=1e-12)
+
+
+def test_iterative_solver_in_the_plane_is_refused():
+    with pytest.raises(SceneError, match="solver.linear: the iterative solver is for bodies in space"):
+        scene.check(scene.Scene.read({
+            "geometry": "plane_strain", "materials": {"m": {"flow_stress": {"law": "constant", "value": 1}}},
+            "workpieces": {"b": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [1, 1]}, "material": "m",
+                                 "mesh_size": 0.5}},
+            "tools": {"t": {"shape": {"kind": "plane", "point": [0, 1], "normal": [0, -1]},
+                            "drive": {"kind": "speed", "velocity": [0, -1]}}},
+            "steps": {"stroke": 0.1}, "stop": {"stroke": 0.2}, "solver": {"linear": "iterative"}}))
+
+
+def test_auto_takes_iterations_only_for_larger_bodies_in_space():
+    from fenics_forming.physics import linear_choice
+    body = Simulation(cube()).body
+    assert body.solver.system.kind == "direct"
+    assert body.workpiece.space.dofmap.index_map.size_global < linear_choice.ITERATIVE_FROM
+
+
+def test_krylov_that_meets_infinities_is_a_failure_not_a_solution():
+    from mpi4py import MPI
+    found = fgmres(MPI.COMM_SELF, lambda x: x * np.nan, lambda x: x, np.ones(3), tolerance=1e-2, most=5)
+    assert not found.reduction <= 1e-2
