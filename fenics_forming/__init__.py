@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Scene": "scene", "read_scene": "scene", "write_scene": "scene", "check": "scene",
     "FormingError": "errors", "SceneError": "errors", "ConvergenceError": "errors", "MeshError": "errors",
-    "Simulation": "simulation", "simulate": "simulation",
+    "Simulation": "simulation", "simulate": "simulation", "tool_stresses": "simulation.tool_stresses",
     "Results": "results.results", "History": "results.history",
     "plot_force_stroke": "results.plotting", "plot_fields": "results.plotting",
     "plot_revolved": "results.revolved", "animate": "results.animation", "write_report": "results.report",

@@ -1,4 +1,4 @@
-"""``forming run | check | plot | animate | report | materials | info``: the command line."""
+"""``forming run | check | plot | animate | report | stresses | materials | info``: the command line."""
 
 from __future__ import annotations
 
@@ -86,6 +86,16 @@ def _parser() -> argparse.ArgumentParser:
     materials.add_argument("name", nargs="?")
     materials.set_defaults(action=_materials)
 
+    stresses = commands.add_parser("stresses", help="stresses of a tool under the contact forces of a run")
+    stresses.add_argument("folder", type=Path)
+    stresses.add_argument("tool", help="name of a tool with a material that has elastic constants, or with parts")
+    stresses.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
+    stresses.add_argument("--scene", type=Path, help="take the tool from another scene, as with a finer mesh")
+    stresses.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    stresses.add_argument("--out", type=Path, help="folder for the results (default: FOLDER/TOOL)")
+    stresses.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    stresses.set_defaults(action=_stresses)
+
     info = commands.add_parser("info", help="versions, laws and shapes; or what a folder of results holds")
     info.add_argument("folder", type=Path, nargs="?")
     info.set_defaults(action=_info)
@@ -170,6 +180,19 @@ def _report(options) -> int:
 def _materials(options) -> int:
     from .laws.library import library
     print(library(options.name))
+    return 0
+
+
+def _stresses(options) -> int:
+    from .scene import read_scene
+    scene = read_scene(options.scene or options.folder / "scene.toml", set=options.changes)
+    from mpi4py import MPI
+
+    from .results.progress import Progress
+    from .simulation.tool_stresses import tool_stresses
+    with Progress(MPI.COMM_WORLD, quiet=options.quiet) as progress:
+        tool_stresses(options.folder, options.tool, frame=options.frame, scene=scene,
+                      out=options.out or options.folder / options.tool, observer=progress)
     return 0
 
 

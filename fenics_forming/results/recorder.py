@@ -10,6 +10,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from .bodies import BodyRecord, in_words
+from .contact_forces import ContactForceWriter, remove_after
 from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
@@ -40,13 +41,15 @@ class Recorder:
         self.bodies = BodyRecord(simulation)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
-        self.fields = self.lines = None
+        self.fields = self.lines = self.contact_forces = None
         if self.out is not None:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
             if simulation.lines is not None:
                 self.lines = FlowLineWriter(self.out, self.comm, resume_after=resume_after)
             on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
+            if simulation.body.contact is not None:
+                self.contact_forces = ContactForceWriter.of(self.scene, self.out, self.comm, resume_after)
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
             self.history.truncate_after(resume_after)
@@ -62,6 +65,7 @@ class Recorder:
         for name in ("history.csv", "summary.json", "checkpoint.npz"):
             (self.out / name).unlink(missing_ok=True)
         start_frames(self.out, FLOW_LINES, None)
+        remove_after(self.out, -1)
 
     def introduction(self) -> str:
         """One line on what runs."""
@@ -177,6 +181,8 @@ class Recorder:
             data["temperature_degC"] = temperature
         self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data,
                           cell_data=self.bodies.cell_data())
+        if self.contact_forces is not None:
+            self.contact_forces.write(run.body.contact, step=state.step, time=state.time)
         if self.lines is not None:
             self.lines.write(step=state.step, time=state.time, places=run.lines.places,
                              fields={name: run.lines.values(values) for name, values in in_words(state.history).items()})

@@ -11,7 +11,7 @@ from .initial_velocity import inertia_problems, moves_by_itself, undriven_proble
 from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
-from .solid_checks import body_names, solid_problems, solids_of
+from .solid_checks import body_names, solid_problems, solids_of, tool_point_problems
 from .tools_alone import tools_alone_problems, tools_alone_warnings
 
 _HEAT = ("conductivity", "specific_heat", "plastic_heat_fraction")
@@ -38,7 +38,7 @@ def check(scene):
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene), *inertia_problems(scene)]
         problems += [*placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
-        problems += [*_solver_problems(scene)]
+        problems += [*_solver_problems(scene), *tool_point_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
     return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
@@ -56,7 +56,7 @@ def _name_problems(scene):
                 yield _unknown_name(f"workpieces.{name}.refine.{number}.tool", domain.tool_name, "tool", scene.tools)
     for group in ("points", "flow_lines"):
         for name, part in getattr(scene, group).items():
-            bodies = scene.workpieces if group == "flow_lines" or scene.workpieces else body_names(scene)
+            bodies = scene.workpieces if group == "flow_lines" else body_names(scene)
             if part.body not in bodies:
                 what = "workpiece" if bodies is scene.workpieces else "body"
                 yield _unknown_name(f"{group}.{name}.body", part.body, what, bodies)
@@ -186,15 +186,17 @@ def _size_problems(scene, drive, name):
 
 
 def _unused(scene):
-    used = {body.material for body in scene.workpieces.values()} | {s.material for *_, s in solids_of(scene)}
+    tools = {solid.material for *_, solid in solids_of(scene)}
+    used = {body.material for body in scene.workpieces.values()} | tools
     if scene.computes_heat:
         used |= {tool_material(scene, name) for name in scene.tools}
     for name, material in scene.materials.items():
         if name not in used:
             yield f"materials.{name}: no body is made of it"
             continue
-        heat = () if scene.computes_heat else _HEAT
-        for keys, why in ((heat, "temperatures are not computed"), (_ELASTIC, "elastic strains are not computed")):
+        unused = [] if scene.computes_heat else [(_HEAT, "temperatures are not computed")]
+        unused += [] if name in tools else [(_ELASTIC, "elastic strains are not computed")]
+        for keys, why in unused:
             for key in keys:
                 if material.wrote(key) and getattr(material, key) is not None:
                     yield f"materials.{name}.{key}: has no effect, {why} in this run"

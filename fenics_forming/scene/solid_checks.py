@@ -92,6 +92,20 @@ def deforming_problems(scene, names):
         yield from _face_problems(scene, f"tools.{name}", scene.tools[name], shapes)
 
 
+def tool_point_problems(scene):
+    """SceneErrors of tracked points that lie outside the tool or part they belong to."""
+    shapes = {part or name: solid.shape for name, part, _, solid in solids_of(scene)}
+    for name, point in scene.points.items():
+        shape = shapes.get(point.body)
+        if shape is None or shape.file is not None or shape.kind not in MESHED:
+            continue
+        size = float(np.ptp(shape.bounds(), axis=0).max())
+        if shape.depth([point.at])[0] < -2e-3 * size:
+            at = ", ".join(f"{x:g}" for x in point.at)
+            yield SceneError(f"({at}) lies outside '{point.body}'", key=f"points.{name}.at", got=point.at,
+                             allowed="a point of the body")
+
+
 def _material_problems(scene, body, solid):
     material = scene.materials[solid.material]
     for key in ("young", "poisson"):

@@ -1,9 +1,7 @@
 """Scenes in which nothing is formed: deformable tools under loads, interference and held displacements of their own."""
 
-import numpy as np
-
 from ..errors import SceneError
-from .solid_checks import deforming_problems, solids_of
+from .solid_checks import deforming_problems, solids_of, tool_point_problems
 
 
 def tools_alone_problems(scene):
@@ -21,23 +19,7 @@ def tools_alone_problems(scene):
     if scene.flow_lines:
         yield SceneError("follow material that flows; there is no workpiece", key="flow_lines", allowed="nothing")
     yield from deforming_problems(scene, [name for name, tool in scene.tools.items() if tool.has_body])
-    yield from _point_problems(scene)
-
-
-def _point_problems(scene):
-    shapes = {part or name: solid.shape for name, part, _, solid in solids_of(scene)}
-    for name, point in scene.points.items():
-        shape = shapes[point.body]
-        if shape.file is not None:
-            continue
-        size = float(np.ptp(shape.bounds(), axis=0).max())
-        samples = shape.boundary_points(size / 400)
-        outside = -float(shape.depth([point.at])[0]) if hasattr(shape, "depth") else \
-            float(np.linalg.norm(samples - np.array(point.at), axis=1).min()) * (not shape.contains([point.at])[0])
-        if outside > 2e-3 * size:
-            at = ", ".join(f"{x:g}" for x in point.at)
-            yield SceneError(f"({at}) lies outside '{point.body}'", key=f"points.{name}.at", got=point.at,
-                             allowed="a point of the body")
+    yield from tool_point_problems(scene)
 
 
 def tools_alone_warnings(scene):

@@ -70,7 +70,8 @@ class Simulation:
         self.stepper = Stepper(scene, body, Stops(scene, self.drives), keeper=self._mesh_keeper(),
                                volume_ledger=self.volume_ledger, force=lambda: self._recorder.force(scene.counting_tool),
                                on_new_mesh=self._relocate)
-        self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()})
+        self.points = self._followed("points", {name: [point.at] for name, point in scene.points.items()
+                                                if point.body in scene.workpieces})
         self.lines = self._followed("flow_lines", {name: np.linspace(line.from_, line.to, line.points)
                                                    for name, line in scene.flow_lines.items()})
         self.seconds_to_build = perf_counter() - start

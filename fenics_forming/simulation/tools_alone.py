@@ -10,7 +10,7 @@ from mpi4py import MPI
 from ..errors import ConvergenceError
 from ..physics.tool_body import ToolSettings
 from ..physics.tracking import MaterialPoints
-from ..process.tool_bodies import tool_body
+from ..process.tool_bodies import MeshedTool, tool_body
 from ..process.tool_loading import LoadedTool
 from ..results.progress import Silent
 from ..results.results import Results
@@ -27,6 +27,7 @@ class ToolSimulation:
     ----------
     scene : the description, without workpieces
     comm : MPI communicator
+    tools : name → `MeshedTool`, of tools that are meshed and loaded already
 
     Raises
     ------
@@ -34,11 +35,11 @@ class ToolSimulation:
         before anything is solved.
     """
 
-    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD):
+    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, tools: dict[str, MeshedTool] | None = None):
         start = perf_counter()
         self.scene, self.comm, self.warnings = scene, comm, check(scene)
-        solver = scene.solver
-        self.tools = {name: self._loaded(tool_body(scene, name, comm), solver) for name in scene.tools}
+        meshed = {name: tool_body(scene, name, comm) for name in scene.tools} if tools is None else tools
+        self.tools = {name: self._loaded(tool, scene.solver) for name, tool in meshed.items()}
         self.points = {name: points for name, tool in self.tools.items() if (points := self._followed(tool)) is not None}
         self.seconds_to_build = perf_counter() - start
 
