@@ -107,12 +107,17 @@ class FlowSolver:
         return FlowSolution(spent, found.velocity_change, found.force_change)
 
     def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:
-        """Newton iterations at one regularisation until velocities, forces and power no longer change."""
+        """Newton iterations at one regularisation until velocities, forces and power no longer change.
+
+        Where the body has mass, the velocity by which contact gives way counts as acceleration when it changes: there the
+        multipliers are renewed within the solve, as long as they take over what the penalty still carries.
+        """
         body, settings, contact = self.workpiece, self.settings, self.workpiece.contact
         self.system.follow()
         rate = self._start(task, ratio, cold)
         force = self._resultants()
         lifting, force_change = not self._satisfied(), 0.0
+        renews, beside = settings.augmented and body.mass is not None and contact is not None, np.inf
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
             lifting = False
@@ -131,6 +136,12 @@ class FlowSolver:
             left = _left(force_change, last_change)
             settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance:
+                before_last, beside = beside, contact.beside_multipliers() if renews else 0.0
+                if settings.force_tolerance < beside < 0.5 * before_last:
+                    for part in body.contacts:
+                        part.augment()
+                    force = self._respond(ratio, iteration)
+                    continue
                 body.is_cold = False
                 body.keep_rate(rate, task.characteristic_rate)
                 return FlowSolution(iteration, velocity_change, force_change)
@@ -162,7 +173,7 @@ class FlowSolver:
             body.set_drag(self.usual_power / self._volume)
         if contact is not None:
             if contact.reference is None:
-                self._set_penalty(flow_stress)
+                self._set_penalty(flow_stress, task.characteristic_rate)
             contact.scale_penalty(flow_stress)
             for part in body.contacts:
                 if cold:
@@ -215,15 +226,12 @@ class FlowSolver:
         rate = np.full(body.nodes.count, usual) if rate is None else np.maximum(rate, self.settings.regularisation * usual)
         return np.broadcast_to(body.nodal_law(task.nodal_strain, rate, task.nodal_temperature), rate.shape)
 
-    def _set_penalty(self, flow_stress: float):
+    def _set_penalty(self, flow_stress: float, rate: float):
         body, contact = self.workpiece, self.workpiece.contact
         for part in body.contacts:
             part.silence()
-        if body.mass is not None:       # it has its own share in the penalty
-            per_step, body.mass.per_step.value = float(body.mass.per_step.value), 0.0
-        self._assemble(lifting=False, matrix_only=True)
-        if body.mass is not None:
-            body.mass.per_step.value = per_step
+        with body.newtonian(rate):
+            self._assemble(lifting=False, matrix_only=True)
         contact.set_penalty(self.system.stiffness().mean(axis=1), body.nodal_areas(), self.settings.penalty_factor,
                             flow_stress)
 

@@ -11,6 +11,7 @@ and Stadler, arXiv 2003.11115); it lives here because it is a warm start from on
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -284,6 +285,22 @@ class Workpiece:
         self.solution.x.array[:] = 0.0
         self.strain_rate[:] = 0.0
         self.tau[:] = 0.0
+
+    @contextmanager
+    def newtonian(self, rate: float):
+        """For a while a fluid of constant viscosity, that of the flow stress at ``rate``, 1/s, without mass."""
+        fields = [f.x.array for f in (self.solution, self._tau)]
+        constants = [self.rate0] + ([] if self.mass is None else [self.mass.per_step])
+        kept = [a.copy() for a in fields], [float(c.value) for c in constants]
+        for array in fields:
+            array[:] = 0.0
+        for constant, value in zip(constants, (rate, 0.0), strict=False):
+            constant.value = value
+        yield
+        for array, before in zip(fields, kept[0], strict=True):
+            array[:] = before
+        for constant, value in zip(constants, kept[1], strict=True):
+            constant.value = value
 
     def set_start(self, velocity: np.ndarray, mean_stress: np.ndarray) -> None:
         """Take nodal velocities and mean stresses of an earlier solve as the start of the next one."""

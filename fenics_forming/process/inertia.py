@@ -23,6 +23,7 @@ from .integration import Flow
 
 BLOW = 1e-2          # of the step: in so short a time the given velocity adapts itself to the tools that touch at the start
 SLOWER = 0.7         # in a step at most: the speed to which regularisation and penalty are relative
+ROUNDING = 1e-9      # of a speed: a tool that closes in more slowly moves along with the body
 SLOWEST = 1e-3       # of the greatest speed so far
 GIVEN = ("tools", "weight")
 TAKEN = ("plastic", "friction", "penalty", "stepping", "remeshing")
@@ -155,7 +156,8 @@ class Inertia:
         fastest = 0.0
         for tool in tools:
             closing = np.einsum("pi,pi->p", tool.state.tool_velocity - trace(self.velocity), tool.state.normal)
-            lands = closing * dt > tool.state.gap
+            size = np.sqrt(np.einsum("pi,pi->p", tool.state.tool_velocity, tool.state.tool_velocity))
+            lands = (closing * dt > tool.state.gap) & (closing > ROUNDING * size)
             fastest = max(fastest, float(closing[lands].max(initial=0.0)))
         return highest(self.mass.nodes.comm, fastest)
 

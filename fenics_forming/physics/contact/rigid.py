@@ -288,6 +288,14 @@ class RigidContact:
             pressure = np.where(state.active, np.maximum(self.facets.linear_part(state.pressure), 0.0), 0.0)
             state.multiplier = pressure[:, None] * state.normal
 
+    def beside_multipliers(self) -> float:
+        """Share of the force of a tool, greatest of all tools, that the penalty carries beside the multipliers."""
+        sums = self.facets.integral(np.array([[
+            [tool.state.pressure @ self.weights,
+             np.einsum("pi,pi,p->", tool.state.multiplier, tool.state.normal, self.weights)] for tool in self.tools]]))
+        greatest = np.abs(sums[:, 0]).max(initial=0.0)
+        return float(np.abs(sums[:, 0] - sums[:, 1]).max() / greatest) if greatest > 0 else 0.0
+
     # ------------------------------------------------------------------ what the tools feel
     def force(self, tool: KnownTool) -> np.ndarray:
         """Force of the tool on the body, (dim,), N (N/mm in plane strain; of the full 360° in axisymmetry)."""
