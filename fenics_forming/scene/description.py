@@ -58,7 +58,7 @@ class Material(FromLibrary):
 
     Parameters
     ----------
-    from_ (key `from`) : name of a material of the library, whose keys hold where no other is given.
+    from_ (key `from`) : name of a material of the library (`forming materials`); its keys hold where no other is given.
     flow_stress : a flow-stress law. damage : a damage law, followed only if given. young, yield_stress : MPa.
     hardening : slope of the yield stress over the plastic strain, MPa, or pairs (plastic strain, stress in MPa).
     expansion : 1/K. density : t/mm^3.
