@@ -69,7 +69,8 @@ class FlowingBody:
         self.inertia = None
         if initial_velocity is not None:
             from .inertia import Inertia
-            self.inertia = Inertia(workpiece.mass, initial_velocity)
+            held = highest(self.nodes.comm, self._held.any(axis=0).astype(float)) > 0
+            self.inertia = Inertia(workpiece.mass, initial_velocity, ~held)
         self._flows_by_itself = not {"body_force", "weight"}.isdisjoint(workpiece.terms) or \
             any(callable(c.value) or c.value != 0 for c in workpiece.fixed)
         self.place(0.0)

@@ -7,8 +7,9 @@ acceleration. With the powers P of that solve the energies obey, to what its New
 .. math:: T(v) - T(v_{before}) + \tfrac12 (v-v_{before})^T M (v-v_{before})
           = \Delta t\,(P_{tools}+P_{weight}-P_{plastic}-P_{friction}-P_{penalty}) ,
 
-the last term on the left being what the rule itself takes ("stepping"), of first order in the step. The first solve has no
-velocity before it but the given one, and no interval: its loads are an impulse that is over at once (:data:`BLOW`).
+the last term on the left being what a change of velocity within a step takes ("stepping"): blows that are over so soon, and
+the damping of the rule, which is of first order in the step. The first solve has no velocity before it but the given one,
+and no interval: its loads are an impulse that is over at once (:data:`BLOW`), "first impact" the energy that this takes.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SLOWER = 0.7         # in a step at most: the speed to which regularisation and 
 ROUNDING = 1e-9      # of a speed: a tool that closes in more slowly moves along with the body
 SLOWEST = 1e-3       # of the greatest speed so far
 GIVEN = ("tools", "weight")
-TAKEN = ("plastic", "friction", "penalty", "stepping", "remeshing")
+TAKEN = ("plastic", "friction", "penalty", "first impact", "stepping", "remeshing")
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Inertia:
     ----------
     mass : of the workpiece
     velocity : (nodes, dim) mm/s, at the start
+    free : (dim,) of bool, directions in which nothing but tools holds the body
 
     Attributes
     ----------
@@ -51,8 +53,8 @@ class Inertia:
     is_start : whether the last flow is that of the start, whose loads are not defined
     """
 
-    def __init__(self, mass: Mass, velocity: np.ndarray):
-        self.mass = mass
+    def __init__(self, mass: Mass, velocity: np.ndarray, free: np.ndarray):
+        self.mass, self._free = mass, free
         self.now: Moment | None = None
         self.before = Moment(-np.inf, velocity)
         self.is_start = True
@@ -119,8 +121,9 @@ class Inertia:
         powers, force = body.powers(), self.mass.weight_force()
         for tool in body.tools:
             force = force + body.contact.force(tool)
-        energies = {name: self.interval * powers[name] for name in (*GIVEN, *TAKEN) if name in powers}
-        energies["stepping"] = self.mass.kinetic_energy(velocity - self.before.velocity)
+        energies = {name: float(self.interval * powers[name]) for name in (*GIVEN, *TAKEN) if name in powers}
+        taken = "first impact" if self.is_start else "stepping"
+        energies[taken] = float(self.mass.kinetic_energy(velocity - self.before.velocity))
         self._last = _Sums(self.interval * force, energies)
         if self.is_start:
             self._forget_loads(body)
@@ -175,6 +178,11 @@ class Inertia:
         """Momentum of the modelled part now, (dim,) N s. Collective."""
         return self.mass.momentum(self.velocity)
 
+    def greatest_momentum(self) -> np.ndarray:
+        """That of the start, the impulse or that of now, the greatest of each, (dim,) N s. Collective."""
+        impulse = (self._settled + self._last).impulse
+        return np.abs([self._of_start.impulse, impulse, self.momentum()]).max(axis=0)
+
     def momentum_error(self) -> np.ndarray:
         """Momentum less that of the start and the impulse of tools and weight, (dim,) N s. Collective."""
         return self.momentum() - self._of_start.impulse - (self._settled + self._last).impulse
@@ -182,7 +190,7 @@ class Inertia:
     # ------------------------------------------------------------------ going back, going on
     def snapshot(self) -> dict:
         """What a failed step must give back."""
-        return {name: value for name, value in vars(self).items() if name not in ("mass", "_surface_mass")}
+        return {name: value for name, value in vars(self).items() if name not in ("mass", "_free", "_surface_mass")}
 
     def restore(self, snapshot: dict) -> None:
         vars(self).update(snapshot)
@@ -207,15 +215,15 @@ class Inertia:
         self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)
         self.mass.follow()
 
-    def continues(self, other: Inertia, before: np.ndarray, now: np.ndarray, free: np.ndarray) -> None:
+    def continues(self, other: Inertia, before: np.ndarray, now: np.ndarray) -> None:
         """Go on as ``other`` did on another mesh, from whose nodes the two velocities (nodes, dim) were taken over.
 
-        The mass stays, and so does the momentum in the ``free`` directions, (dim,) of bool; what the transfer does to the
-        kinetic energy is booked. Collective.
+        The mass stays, and so does the momentum of the velocities before; what the transfer does to their kinetic energy is
+        booked. Collective.
         """
         self.mass.keep_total(other.mass.total())
-        before, now = (v + np.where(free, (other.mass.momentum(o.velocity) - self.mass.momentum(v)) / self.mass.total(), 0)
-                       for v, o in ((before, other.before), (now, other.now)))
+        lost = other.mass.momentum(other.before.velocity) - self.mass.momentum(before)
+        before = before + np.where(self._free, lost / self.mass.total(), 0.0)
         lost = other.mass.kinetic_energy(other.before.velocity) - self.mass.kinetic_energy(before)
         self.restore(other.snapshot())
         self.before, self.now = Moment(other.before.time, before), Moment(other.now.time, now)

@@ -129,6 +129,8 @@ def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> 
     w = body.workpiece
     carried = Carried({f"history.{name}": values for name, values in history.items()}, {"velocity": flow.velocity})
     carried.linear |= {"mean_stress": w.mean_stress, "rate": flow.rate}
+    if body.inertia is not None:
+        carried.quadratic["before.velocity"] = body.inertia.before.velocity
     for tool in body.tools:
         carried.linear[f"pressure.{tool.name}"] = body.contact.facets.to_nodes(tool.state.pressure, body.contact.weights)
     for name, values in remembered.items():
@@ -148,6 +150,8 @@ def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: 
           ahead: float) -> Flow:
     """The flow on the new mesh, from the one on the old."""
     new.continues(old)
+    if new.inertia is not None:
+        new.inertia.continues(old.inertia, local["before.velocity"], local["velocity"])
     new.place(time)
     new.search(ahead * dt)
     w, rate_scale = new.workpiece, old.workpiece.last_rate[1]

@@ -157,10 +157,13 @@ class PowerLedger:
         return relative
 
     def penalty_shares(self) -> tuple[float, float]:
-        """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole."""
-        given = abs(_given(self.last) if "inertia" in self.last else self.last.get("tools", 0.0))
-        last = abs(self.last["penalty"]) / given if given > 0 else 0.0
-        return float(last), float(self.penalty_work / self.work) if self.work > 0 else 0.0
+        """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole; with
+        inertia, where the last flow may be that of a body that has all but come to rest, on the whole only."""
+        mean = float(self.penalty_work / self.work) if self.work > 0 else 0.0
+        if "inertia" in self.last:
+            return mean, mean
+        given = abs(self.last.get("tools", 0.0))
+        return float(abs(self.last["penalty"]) / given if given > 0 else 0.0), mean
 
     def doubts(self, remedy: str) -> list[str]:
         """A sentence where the penalty took too much of the power of the tools."""

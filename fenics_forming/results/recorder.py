@@ -11,6 +11,7 @@ import numpy as np
 
 from .bodies import BodyRecord, in_words
 from .contact_forces import ContactForceWriter, remove_after
+from .energy import MotionRecord
 from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
@@ -39,6 +40,7 @@ class Recorder:
         self.summary: dict = {}
         self.volume, self.power, self.heat = simulation.volume_ledger, simulation.power_ledger, simulation.heat_ledger
         self.bodies = BodyRecord(simulation)
+        self.motion = MotionRecord(simulation, self.bodies.copies)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
         self.fields = self.lines = self.contact_forces = None
@@ -123,6 +125,7 @@ class Recorder:
         row |= self.bodies.maxima(state.history)
         if self.heat is not None:
             row |= self.heat.row(state.heat, "J_per_mm" if scene.geometry == "plane_strain" else "J")
+        row |= self.motion.row() | self.bodies.maxima(state.history)
         row["newton_iterations"] = state.flow.iterations
         row["wall_s"] = wall
         if run.points is not None:
@@ -235,6 +238,8 @@ class Recorder:
             ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
             ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}) |
             ({"heat": self.heat.summary()} if self.heat is not None else {}),
+            "ledger": {"volume": self.volume.summary(), "power": self.power.summary(), **self.motion.summary()} |
+            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1),
