@@ -122,7 +122,6 @@ class Recorder:
                 row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self.bodies.copies()
         row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
-        row |= self.bodies.maxima(state.history)
         if self.heat is not None:
             row |= self.heat.row(state.heat, "J_per_mm" if scene.geometry == "plane_strain" else "J")
         row |= self.motion.row() | self.bodies.maxima(state.history)
@@ -235,11 +234,9 @@ class Recorder:
             "parts_built": self._parts(),
             "extents_mm": self.bodies.extents(),
             "ledger": {"volume": self.volume.summary(), "power": self.power.summary()} |
-            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
+            self.motion.summary() | ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
             ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}) |
             ({"heat": self.heat.summary()} if self.heat is not None else {}),
-            "ledger": {"volume": self.volume.summary(), "power": self.power.summary(), **self.motion.summary()} |
-            ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1),
