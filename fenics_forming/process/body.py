@@ -63,7 +63,7 @@ class FlowingBody:
         self._held_at = self.x[self._held]
         self.size = float(np.ptp(self.nodes.extents(), axis=0).max())
         self.seconds = {"contact search": 0.0, "shifting": 0.0}
-        self.speed = 0.0
+        self.speed = self.solved_speed = 0.0     # of the tools: at the last search, and in the flow found last
         self.reach = HOVER * workpiece.contact.facets.size() if workpiece.contact is not None else 0.0
         self.sunk = 0.0
         self.inertia = None
@@ -266,6 +266,7 @@ class FlowingBody:
             tied = None         # inertia says which of all possible flows it is, and rates may jump
         else:
             tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
+            self._follow_speed()
         try:
             found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                                       step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
@@ -276,6 +277,13 @@ class FlowingBody:
         if self.inertia is not None:
             self.inertia.found(self, time)
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
+
+    def _follow_speed(self) -> None:
+        """Let the flow of the solve before start the next one faster or slower, as the tools have become: on a crank, whose
+        speed changes in every step, that is 4 instead of 20 iterations."""
+        if not self.workpiece.is_cold and self.solved_speed > 0 and self.speed != self.solved_speed:
+            self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= self.speed / self.solved_speed
+        self.solved_speed = self.speed
 
     def _mean_rate(self, characteristic_rate: float) -> float:
         """Effective strain rate of the solve before, 1/s, where the body flows: its mean weighted by itself.
@@ -390,18 +398,18 @@ class FlowingBody:
         w = self.workpiece
         moving = None if self.inertia is None else self.inertia.snapshot()
         return (self.x.copy(), w.solution.x.array.copy(), w.tau.copy(), w.is_cold, w.last_rate, motions, states, moving,
-                self.rams.memory())
+                self.rams.memory(), self.solved_speed)
 
     def continues(self, other: FlowingBody) -> None:
         """Go on as ``other`` did, whose mesh this body's replaces: speed of the tools, penalty, clocks."""
-        self.speed, self.size = other.speed, other.size
+        self.speed, self.size, self.solved_speed = other.speed, other.size, other.solved_speed
         self.seconds, self.solver.seconds = other.seconds, other.solver.seconds
         self.solver.system.counts.update(other.solver.system.counts)
         if self.contact is not None:
             self.contact.reference = other.contact.reference
 
     def restore(self, snapshot: tuple) -> None:
-        x, solution, tau, cold, last_rate, motions, states, moving, rams = snapshot
+        x, solution, tau, cold, last_rate, motions, states, moving, rams, self.solved_speed = snapshot
         self.rams.remember(rams)
         w = self.workpiece
         if self.inertia is not None:

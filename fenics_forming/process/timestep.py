@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Of a step: how near to a time that must be hit another end is that time. At a dead centre the rounding of a stroke is
+# the square root of that in time.
+NEAR = 1e-6
+
 
 @dataclass(frozen=True)
 class Adaptivity:
@@ -75,8 +79,8 @@ class StepChoice:
         ahead = landmarks[landmarks > time + 1e-9 * min(nominal, 1e30)]
         if ahead.size:
             left = ahead[0] - time
-            if dt >= left * (1 - 1e-9):
-                return Limit(left, reason if dt <= left * (1 + 1e-9) else "target")
+            if dt >= left * (1 - NEAR):
+                return Limit(left, reason if dt <= left * (1 + NEAR) else "target")
             if dt > 0.5 * left and dt < left and self._adaptivity is not None:
                 return Limit(0.5 * left, reason)   # two even steps instead of one long and one tiny
         return Limit(dt, reason)

@@ -19,6 +19,7 @@ def save(run, path: Path, state: State) -> None:
     moving, moved, masses = (None, {}, {}) if run.body.inertia is None else run.body.inertia.memory()
     save_checkpoint(path, run.nodes, scalars={
         "step": state.step, "time": state.time, "dt": state.dt, "speed": run.body.speed,
+        "solved_speed": run.body.solved_speed,
         "mesh_size": run.mesh_size, "mirrors": _with_words(run.mirrors), "bodies": run.body.making(),
         "points": _listed(run.points), "flow_lines": _listed(run.lines),
         "start_volume": run.start_volume, "start_extents": run.start_extents,
@@ -53,7 +54,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     if body.contact is not None:
         body.contact.reference = saved["penalty"]
     body.move_tools(saved["time"])
-    body.size, body.reach = saved["size"], saved["reach"]
+    body.solved_speed, body.size, body.reach = saved["solved_speed"], saved["size"], saved["reach"]
     history = {name: local[f"history.{name}"] for name in body.new_history()}
     cellwise = {name: scatter_cell_values(run.nodes, values if run.comm.rank == 0 else None)
                 for name, values in checkpoint.cellwise.items()}

@@ -151,7 +151,7 @@ class Stepper:
         turns = time in self.stops.turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
-        body.move_tools(np.nextafter(time, -np.inf) if turns else time)
+        body.move_tools(self.stops.just_before(time, dt) if turns else time)
         heat = None
         if body.heat is not None:
             history, heat = body.heat.advance(state.history, history, state.heat, body.tools, dt)

@@ -11,6 +11,8 @@ from .state import State
 
 NEAR_FORCE = 1e-3  # of a force to stop at: how exactly it is hit
 
+GRADUAL = 1e-3     # of the step in which a crank comes to its dead centre
+
 
 class Stops:
     """The conditions of a scene on the end of the run and on its steps.
@@ -30,6 +32,12 @@ class Stops:
     def turns(self) -> list[float]:
         """Times at which a tool starts, stops or turns back: what is recorded there is the flow before."""
         return [t for drive in self.drives for t in drive.turning_times]
+
+    def just_before(self, time: float, dt: float) -> float:
+        """The moment whose flow is recorded at a turn at ``time``, in a step of ``dt``: the last one, but a thousandth of the
+        step earlier where a crank comes to rest, since without speed there is no flow."""
+        gradual = any(d.dead_centre_time is not None and time in d.turning_times for d in self.drives)
+        return time - GRADUAL * dt if gradual else np.nextafter(time, -np.inf)
 
     def step_choice(self) -> StepChoice:
         """How long steps are: what the scene asks for, and the times that must be hit."""
