@@ -41,26 +41,27 @@ def compressed(law, geometry, *, steps=70, stop=14.0):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("geometry", "reference"), [("axisymmetric", CYLINDER), ("plane_strain", PLANE_STRAIN)])
-def test_the_force_of_homogeneous_compression_is_within_a_tenth_of_a_per_cent(law, geometry, reference):
+def test_the_force_of_homogeneous_compression_is_within_a_tenth_of_a_per_cent(law, geometry, reference, verified):
     results = compressed(law, geometry)
     unit = "N_per_mm" if geometry == "plane_strain" else "N"
     for stroke, exact in zip(STROKES, reference[law], strict=True):
-        force = results.at(stroke=stroke)[f"force_upper_{unit}"]
-        assert force == pytest.approx(exact, rel=1e-3)
+        verified("1.1" if geometry == "axisymmetric" else "1.2", f"force, {law}, h = {20 - stroke:g} mm",
+                 results.at(stroke=stroke)[f"force_upper_{unit}"], exact, within=1e-3,
+                 unit=unit.replace("_per_", "/"))
     opposite = results.history.column(f"force_lower_{unit}") / results.history.column(f"force_upper_{unit}")
     assert opposite == pytest.approx(np.ones_like(opposite), rel=1e-6)      # what one platen gives the other takes
 
 
-def test_strain_and_radius_of_the_cylinder_follow_from_its_height():
+def test_strain_and_radius_of_the_cylinder_follow_from_its_height(verified):
     results = compressed("perfect", "axisymmetric")
     last = results.at(stroke=14.0)
-    assert last["max_effective_strain"] == pytest.approx(np.log(20 / 6), rel=1e-3)
-    assert results.summary["extents_mm"]["b"]["r"][1] == pytest.approx(18.257419, rel=5e-4)
+    verified("1.1", "effective strain, h = 6 mm", last["max_effective_strain"], np.log(20 / 6), within=1e-3)
+    verified("1.1", "radius, h = 6 mm", results.summary["extents_mm"]["b"]["r"][1], 18.257419, within=5e-4, unit="mm")
     assert abs(last["volume_error_b"]) < 1e-3
 
 
 @pytest.mark.parametrize(("walls", "exact"), [(True, 4618.802 / 20), (False, 200.0)])
-def test_a_cube_gives_the_plane_strain_force_between_walls_and_the_uniaxial_one_without(walls, exact):
+def test_a_cube_gives_the_plane_strain_force_between_walls_and_the_uniaxial_one_without(walls, exact, verified):
     """One eighth of a 20 mm cube, h 20 → 10: per area of the undeformed platen, 2/sqrt(3) or 1 times sigma h0/h."""
     values = {
         "geometry": "3d", "materials": {"m": {"flow_stress": LAWS["perfect"]}},
@@ -72,7 +73,9 @@ def test_a_cube_gives_the_plane_strain_force_between_walls_and_the_uniaxial_one_
     if walls:
         values["tools"]["wall"] = {"shape": {"kind": "plane", "point": [0, 10, 0], "normal": [0, -1, 0]}}
     last = simulate(Scene.read(values)).history.rows[-1]
-    assert last["force_upper_N"] / 400.0 == pytest.approx(exact, rel=1e-3)   # forces are those of the whole cube
+    # forces are those of the whole cube
+    verified("1.2" if walls else "1.1", f"cube in 3-D, {'two walls' if walls else 'free sides'}, h = 10 mm",
+             last["force_upper_N"] / 400.0, exact, within=1e-3, unit="MPa")
 
 
 def test_the_scene_file_gives_the_same_run_as_the_same_scene_from_python(tmp_path):
