@@ -1,7 +1,7 @@
 # Every target sets up what it needs on first use; see env/run.
 RUN = env/run
 
-.PHONY: verification demo test test-long bench lint shell format
+.PHONY: demo test test-long bench verification lint shell format
 
 demo:        ## upset the billet and draw it
 	$(RUN) python3 demos/billet_upsetting.py
@@ -14,6 +14,9 @@ test-long:   ## the long cases too
 
 bench:       ## run time against error
 	$(RUN) python3 benchmarks/run_all.py
+
+verification: ## compare with docs/REFERENCES.md, write docs/VERIFICATION.md
+	$(RUN) python3 benchmarks/verification.py
 
 lint:        ## style and leftovers
 	$(RUN) ruff check .
