@@ -161,6 +161,8 @@ def _telling(row):
     wanted = ["step", "time_s", "load_factor"]
     for start in ("stroke_", "force_", "torque_", "max_displacement_", "max_von_mises_", "contact_pressure_"):
         wanted += [c for c in row if c.startswith(start)]
+    if "load_factor" in row:
+        wanted += [c for c in row if c.startswith("max_effective_strain_")]
     return tuple(c for c in wanted + ["max_strain", "max_effective_strain", "newton_iterations"] if c in row)
 
 

@@ -157,7 +157,7 @@ class TrackedPoint(Described):
 
     Parameters
     ----------
-    body : name of a workpiece. at : its place at the start, mm.
+    body : name of a workpiece; of tools that deform, name of the tool or part. at : its place at the start, mm.
     """
 
     body: str = Field(description="the name of a workpiece")

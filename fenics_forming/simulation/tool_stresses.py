@@ -70,9 +70,14 @@ def alone_with(scene: Scene, tool: str) -> Scene:
     return scene.model_copy(update={
         "materials": named({name: m for name, m in scene.materials.items() if name in materials}),
         "workpieces": named(), "flow_lines": named(), "steps": None, "stop": None,
-        "tools": named({tool: description.model_copy(update={"drive": None})}),
+        "tools": named({tool: _resting(description)}),
         "points": named({name: point for name, point in scene.points.items() if point.body in bodies}),
         "contacts": tuple(c for c in scene.contacts if set(c.between) <= set(bodies))})
+
+
+def _resting(tool):
+    """A tool without what only forming knows: drive, friction of its surface, exchange of heat."""
+    return type(tool)(**{key: getattr(tool, key) for key in tool.model_fields_set - {"drive", "friction", "heat_exchange"}})
 
 
 def loaded_by(meshed: MeshedTool, acting: ContactForces) -> MeshedTool:
