@@ -54,3 +54,50 @@ def test_what_the_page_on_extending_shows_runs_and_is_short():
             if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
                 assert node.end_lineno - node.lineno < 20, node.name
     assert {"HockettSherby", "AcceleratedDrive", "viscous_bed"} <= set(namespace)
+
+
+def messages_of_the_package():
+    """The texts of the package and of env/run with … for what is filled in, joined as Python joins them."""
+    def text(node):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            return node.value
+        if isinstance(node, ast.JoinedStr):
+            return "".join(text(part) if isinstance(part, ast.Constant) else "…" for part in node.values)
+        return "…"
+
+    found = [(DOCS.parent / "env" / "run").read_text(encoding="utf-8")]
+    for path in sorted((DOCS.parent / "fenics_forming").rglob("*.py")):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        found += [text(node) for node in nodes if isinstance(node, (ast.Constant, ast.JoinedStr))]
+    return "\n".join(found)
+
+
+def quoted_messages():
+    """Messages that the page on troubleshooting quotes, in the first column of its tables."""
+    page = (DOCS / "TROUBLESHOOTING.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
+    return [message for row in rows for message in re.findall(r"`([^`]+)`", row)]
+
+
+def test_messages_on_the_page_of_troubles_are_those_of_the_package():
+    said = messages_of_the_package()
+    pieces = {piece.strip(" '?:;") for message in quoted_messages() for piece in message.split("…")}
+    stale = sorted(piece for piece in pieces if len(piece) > 3 and piece not in said)
+    assert len(pieces) > 60 and not stale
+
+
+def test_every_way_in_which_a_run_fails_is_on_the_page_of_troubles():
+    """Of each ConvergenceError and MeshError with a text of its own, some part is quoted."""
+    page = " ".join(quoted_messages())
+    pieces = [piece.strip(" '?:;,") for message in quoted_messages() for piece in message.split("…")]
+    missing = []
+    for path in sorted((DOCS.parent / "fenics_forming").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            name = getattr(getattr(node, "func", None), "id", "")
+            if name not in ("ConvergenceError", "MeshError") or not node.args:
+                continue
+            said = ast.unparse(node.args[0])
+            words = [w for w in re.split(r"[{}\"']+", said) if len(w) > 20]
+            if words and not any(len(p) > 8 and p in said for p in pieces) and not any(w.strip() in page for w in words):
+                missing.append(f"{path.name}: {words[0]}")
+    assert not missing, f"say in docs/TROUBLESHOOTING.md what to do: {missing}"
