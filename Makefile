@@ -18,6 +18,12 @@ bench:       ## run time against error
 verification: ## compare with docs/REFERENCES.md, write docs/VERIFICATION.md
 	$(RUN) python3 benchmarks/verification.py
 
+gallery:     ## docs/GALLERY.md from the pictures of the demos; runs those that have none
+	$(RUN) python3 docs/make_gallery.py
+
+notebooks:   ## run the notebooks anew, with their outputs, and check what they claim
+	$(RUN) python3 notebooks/run_all.py
+
 lint:        ## style and leftovers
 	$(RUN) ruff check .
 

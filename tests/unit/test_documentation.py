@@ -101,3 +101,25 @@ def test_every_way_in_which_a_run_fails_is_on_the_page_of_troubles():
             if words and not any(len(p) > 8 and p in said for p in pieces) and not any(w.strip() in page for w in words):
                 missing.append(f"{path.name}: {words[0]}")
     assert not missing, f"say in docs/TROUBLESHOOTING.md what to do: {missing}"
+
+
+def test_the_gallery_shows_pictures_that_are_there():
+    gallery = script("make_gallery")
+    written = (DOCS / "GALLERY.md").read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)#]+)\)", written)
+    assert len(gallery.demos()) > 7 and targets and all((DOCS / target).exists() for target in targets)
+    assert len(re.findall(r"^!\[", written, re.M)) == len(re.findall(r"^## ", written, re.M))
+
+
+def test_licence_and_version_are_the_same_everywhere():
+    import tomllib
+
+    import fenics_forming
+
+    project = DOCS.parent
+    citation = (project / "CITATION.cff").read_text(encoding="utf-8")
+    licence = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["license"]["text"]
+    assert f"\nversion: {fenics_forming.__version__}\n" in citation and f"\nlicense: {licence}\n" in citation
+    assert f"## {fenics_forming.__version__}" in (project / "CHANGELOG.md").read_text(encoding="utf-8")
+    text = (project / "LICENSE").read_text(encoding="utf-8")
+    assert "GNU LESSER GENERAL PUBLIC LICENSE" in text and "GNU GENERAL PUBLIC LICENSE" in text
