@@ -10,6 +10,8 @@ With the trace G of the velocities at the contact points, the motions :math:`\Ph
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
@@ -98,10 +100,22 @@ class Border:
             found.append(column)
         return found
 
-    def found(self) -> None:
-        """A solve has converged: the motions hear of the reactions. Collective."""
-        for tool in self.tools:
-            tool.free.found(self.reactions(tool))
+    def found(self) -> bool:
+        """A solve has converged: the motions hear of the reactions; whether one resists otherwise than it was taken to, so
+        that the solve has to be done again. Collective."""
+        return any([tool.free.found(self.reactions(tool)) for tool in self.tools])
+
+    def solved(self, solve):
+        """What ``solve()`` finds, done again where a motion resists otherwise than it was taken to. Collective."""
+        found = solve()
+        for _ in range(3):
+            if not self.found():
+                break
+            for tool in self.tools:
+                tool.free.prepare(tool.free.horizon)
+            again = solve()
+            found = replace(again, iterations=found.iterations + again.iterations)
+        return found
 
     def advance(self, share: float = 1.0) -> None:
         """Add a share of the increments to the rates."""

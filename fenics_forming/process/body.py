@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -73,7 +74,8 @@ class FlowingBody:
             self.inertia = Inertia(workpiece.mass, initial_velocity, ~held)
         self._flows_by_itself = not {"body_force", "weight"}.isdisjoint(workpiece.terms) or \
             any(callable(c.value) or c.value != 0 for c in workpiece.fixed)
-        self.place(0.0)
+        self.move_tools(0.0)       # not placed yet: of a run that goes on, tools may stand elsewhere
+        self._as_shifted = self.x[self.boundary]
 
     @property
     def x(self) -> np.ndarray:
@@ -190,7 +192,7 @@ class FlowingBody:
     def tool_speed(self) -> float:
         """Greatest speed of a tool at the contact points, mm/s; of one that yields also that of its drive."""
         fastest = max((float(np.sqrt((v**2).sum(axis=1)).max(initial=0.0)) for t in self.tools
-                       for v in (t.state.tool_velocity, t.given_velocity)), default=0.0)
+                       for v in t.velocities()), default=0.0)
         return highest(self.nodes.comm, fastest)
 
     def is_pushed(self, dt: float) -> bool:
@@ -267,13 +269,12 @@ class FlowingBody:
         else:
             tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
             self._follow_speed()
+        solve = partial(self.solver.solve, strain=history["effective_strain"], characteristic_rate=characteristic_rate,
+                        step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
         try:
-            found = self.solver.solve(strain=history["effective_strain"], characteristic_rate=characteristic_rate,
-                                      step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
+            found = solve() if self.solver.border is None else self.solver.border.solved(solve)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
-        if self.solver.border is not None:
-            self.solver.border.found()
         if self.inertia is not None:
             self.inertia.found(self, time)
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)

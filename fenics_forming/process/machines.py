@@ -113,7 +113,7 @@ class Ram:
         self.drive, self._copies = drive, copies
         self.kind, self.direction, self.dimension, self.moves = drive.kind, drive.direction, drive.dimension, True
         self.rotation_centre, self.rotation_axis, self.dead_centre_time = drive.rotation_centre, drive.rotation_axis, None
-        self.spends_energy = True
+        self.spends_energy, self.stalls = True, False
         first = drive.energies[0]
         self._now = RamState(left=first, speed=drive.impact_speed(first))
         self._overdrawn: tuple[float, float, float] | None = None     # of a step that took too much: start, slowing, length

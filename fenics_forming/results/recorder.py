@@ -12,6 +12,7 @@ import numpy as np
 from .bodies import BodyRecord, in_words
 from .contact_forces import ContactForceWriter, remove_after
 from .energy import MotionRecord
+from .equipment import equipment_columns
 from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
@@ -112,9 +113,7 @@ class Recorder:
         run, scene, body = self.run, self.scene, self.run.body
         unit = "N_per_mm" if scene.geometry == "plane_strain" else "N"
         row: dict[str, float] = {"step": state.step, "time_s": state.time, "dt_s": state.dt}
-        for tool in scene.driven_tools:
-            row[f"stroke_{tool}_mm"] = float(run.drives[tool].travel(state.time))
-        row |= {f"energy_{name}_mJ": ledger["left"] for name, ledger in body.rams.ledger().items()}
+        row |= equipment_columns(run, state.time)
         for tool in body.tools:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:

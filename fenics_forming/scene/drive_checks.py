@@ -15,13 +15,23 @@ def ratio_problems(scene):
                 yield unknown_word(f"'{of}' is not the name of a tool", of, scene.tools, key)
                 break
             leader = scene.tools[of].drive
-            if of in passed or leader is None or not isinstance(leader, RatioDrive) and leader.direction is None:
-                why = "follows this one" if of in passed else "rests" if leader is None else "only turns"
+            if (why := "follows this one" if of in passed else _unfit(leader)) is not None:
                 allowed = [n for n, t in scene.tools.items() if t.drive is not None and t.drive.direction is not None]
                 yield SceneError(f"'{of}' {why}; expected a tool that moves along a direction", key=key, got=of,
                                  allowed=[n for n in allowed if n not in passed])
                 break
             passed, follower = [*passed, of], leader
+
+
+def _unfit(leader):
+    """Why no tool can follow this drive; None if one can."""
+    if leader is None:
+        return "rests"
+    if isinstance(leader, RatioDrive):
+        return None
+    if leader.force_limit is not None or leader.kind == "spring":
+        return "yields at its force limit" if leader.force_limit is not None else "yields to its spring"
+    return "only turns" if leader.direction is None else None
 
 
 def stop_problems(scene, drive, name):

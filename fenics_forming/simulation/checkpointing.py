@@ -29,6 +29,7 @@ def save(run, path: Path, state: State) -> None:
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "rams": run.body.rams.memory(),
+        "free": {tool.name: tool.free.memory() for tool in run.body.tools if tool.free is not None},
         "size": run.body.size, "reach": run.body.reach, "scheme": numbers,
         "meshing": None if run.keeper is None else run.keeper.memory()},
         nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
@@ -51,6 +52,9 @@ def resumed(run, checkpoint: Checkpoint) -> State:
                                            if name.startswith("scheme.")})
     body.speed = saved["speed"]
     body.rams.remember(saved["rams"])
+    for tool in body.tools:
+        if tool.free is not None:
+            tool.free.remember(saved["free"][tool.name])
     if body.contact is not None:
         body.contact.reference = saved["penalty"]
     body.move_tools(saved["time"])
@@ -61,6 +65,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     if body.inertia is not None:
         body.inertia.remember(saved["inertia"], {name.removeprefix("inertia."): values for name, values in local.items()
                                                  if name.startswith("inertia.")}, cellwise)
+    workpiece.is_cold = saved["at_rest"]        # tools that yield keep their rates in the search
     body.search(saved["dt"])
     if saved["at_rest"]:
         flow = body.rest()

@@ -14,6 +14,7 @@ from ..physics.nodes import Nodes
 from ..physics.tools import known_tools
 from ..physics.tracking import MaterialPoints
 from ..process.body import FlowingBody
+from ..process.free_drives import equip
 from ..process.machines import drives_of
 from ..process.placing import flowing_body, mirror_planes
 from ..results.checkpoint import load_checkpoint
@@ -51,8 +52,7 @@ class Simulation:
         self.scene, self.comm = scene, comm
         self.warnings = check(scene)
         tools, self.drives = known_tools(scene), drives_of(scene)
-        for tool in tools:
-            tool.drive = self.drives.get(tool.name)
+        equip(scene, tools, self.drives)
         self._saved = load_checkpoint(resume) if resume is not None else None
         body = self._placed(tools)
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]

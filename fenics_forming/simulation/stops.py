@@ -82,6 +82,8 @@ class Stops:
             return "dead centre reached"
         if stop.energy_spent and drive.is_spent:
             return "energy spent"
+        if stop.time is None and drive is not None and drive.stalls:
+            return "the force limit of the drive holds the tool back"
         if stop.height is not None and body.height() <= stop.height * (1 + 1e-6):
             return f"height {stop.height:g} mm reached"
         end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))

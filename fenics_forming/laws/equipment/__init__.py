@@ -8,16 +8,20 @@ from ..described import one_of
 from .crank_press import CrankPressDrive
 from .drive import Drive, Spin
 from .energy import EnergyDrive
+from .force import ForceDrive
 from .hammer import HammerDrive
 from .hydraulic import HydraulicDrive
 from .ratio import Follower, RatioDrive
+from .roll import RollDrive
 from .rotation import RotationDrive
 from .screw_press import ScrewPressDrive
 from .speed import SpeedDrive
+from .spring import SpringDrive
 from .table import TableDrive
 
 DriveLaw = one_of("kind", SpeedDrive, TableDrive, RotationDrive, HydraulicDrive, CrankPressDrive, HammerDrive,
-                  ScrewPressDrive, RatioDrive, base=Drive)
+                  ScrewPressDrive, ForceDrive, SpringDrive, RollDrive, RatioDrive, base=Drive)
 
-__all__ = ["CrankPressDrive", "Drive", "DriveLaw", "EnergyDrive", "Follower", "HammerDrive", "HydraulicDrive", "RatioDrive",
-           "RotationDrive", "ScrewPressDrive", "SpeedDrive", "Spin", "TableDrive"]
+__all__ = ["CrankPressDrive", "Drive", "DriveLaw", "EnergyDrive", "Follower", "ForceDrive", "HammerDrive",
+           "HydraulicDrive", "RatioDrive", "RollDrive", "RotationDrive", "ScrewPressDrive", "SpeedDrive",
+           "Spin", "SpringDrive", "TableDrive"]

@@ -88,6 +88,16 @@ class Drive(Described):
         return None
 
     @property
+    def force_limit(self):
+        """Greatest force of the tool, N; None of a drive without a limit."""
+        return None
+
+    @property
+    def stalls(self):
+        """Whether its force limit holds the tool back altogether, in a run."""
+        return False
+
+    @property
     def spends_energy(self):
         """Whether the drive brings an energy and ends where it is spent."""
         return False

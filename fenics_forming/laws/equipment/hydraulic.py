@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from ...units import Length, Number, Positive, Speed, Vector
+from ...units import ForceOrLineForce, Length, Number, Positive, Speed, Vector, Within
 from ..described import Described, at_key
 from .drive import Translation, check_direction, check_spin, unit
 
@@ -23,18 +23,23 @@ class SlowDown(Described):
 
 
 class HydraulicDrive(Translation):
-    """A ram at constant speed, from a given stroke on at a lower one.
+    r"""A ram at constant speed, from a given stroke on at a lower one, that slows down before it reaches its force limit.
+
+    Below the share s of the limit :math:`F_0` the speed is the given one, w; above, :math:`w\,(1-F/F_0)/(1-s)`.
+    What is said of time here is the motion without the limit.
 
     Parameters
     ----------
-    speed : mm/s. direction : of any length. slow_down : optional, a table of the keys of `SlowDown`.
-    rotation : optional `Spin`, or a table of its keys.
+    speed : mm/s. direction : of any length. slow_down : optional, a table of the keys of `SlowDown`. force : the limit, N
+    (N/mm in plane strain), of the whole tool. slows_from : s. rotation : optional `Spin`, or a table of its keys.
     """
 
     kind: Literal["hydraulic"] = "hydraulic"
     speed: Positive(Speed)
     given_direction: Vector(Number) = Field(alias="direction")
     slow_down: SlowDown | None = None
+    force: Positive(ForceOrLineForce) | None = None
+    slows_from: Within(Positive(Number), 0, 0.999) = 0.95
 
     @model_validator(mode="after")
     def _is_a_press(self):
@@ -43,7 +48,18 @@ class HydraulicDrive(Translation):
         if self.slow_down is not None and self.slow_down.speed >= self.speed:
             sentence = f"{self.slow_down.speed:g} mm/s is not lower than the speed {self.speed:g} mm/s before"
             raise at_key("slow_down.speed", sentence, self.slow_down.speed, f"less than {self.speed:g}")
+        if self.says("slows_from") and self.force is None:
+            raise at_key("slows_from", "has no meaning without 'force', the limit of the press", self.slows_from)
         return self
+
+    @property
+    def force_limit(self):
+        return self.force
+
+    @property
+    def yields_from(self):
+        """Share of the force limit from which on the tool is slower than given."""
+        return self.slows_from
 
     @property
     def dimension(self):

@@ -51,7 +51,7 @@ class Follower:
 
     kind = "ratio"
     rotation_centre = rotation_axis = dead_centre_time = None
-    moves, spends_energy = True, False
+    moves, spends_energy, stalls = True, False, False
 
     def __init__(self, leader, drive):
         self._leader, self._way = leader, np.outer(drive.ratio * unit(drive.given_direction), leader.direction)

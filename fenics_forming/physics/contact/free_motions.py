@@ -37,6 +37,8 @@ class FreeMotions:
     resistance, load : (n, n) and (n,) of the next solve: resistance · rate = load - reaction of the body
     """
 
+    follows_drive = True     # whether the drive's own velocity tells how fast the tool is
+
     def __init__(self, count: int, *, stiffness=0.0, mass=0.0, force=0.0, velocity=0.0):
         stiffness = np.asarray(stiffness, float)
         self.stiffness = stiffness if stiffness.ndim == 2 else np.diag(np.broadcast_to(stiffness, count))
@@ -72,13 +74,15 @@ class FreeMotions:
             self.resistance = self.resistance / (1.0 + more)
             self.load = (self.load + more * self.reaction) / (1.0 + more)
 
-    def found(self, reaction: np.ndarray) -> None:
-        """A solve has converged with this reaction of the body, Q (n,), N."""
+    def found(self, reaction: np.ndarray) -> bool:
+        """A solve has converged with this reaction of the body, Q (n,), N; whether it has to be done again, because the
+        motions resist otherwise than they were prepared to."""
         if self.now > self.since or self.mass.any():
-            return
+            return False
         change = self.stiffness @ (self.rate * self.horizon)
         smooth = np.linalg.norm(change) <= SMOOTH * np.linalg.norm(reaction)
         self.reaction = reaction if smooth else None
+        return False
 
     def unopposed(self) -> np.ndarray:
         """Rates over the prepared horizon where no body opposes them, (n,); the present ones of what nothing resists."""

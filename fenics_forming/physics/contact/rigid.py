@@ -94,6 +94,12 @@ class KnownTool:
     tangent: np.ndarray | None = field(default=None, repr=False)
     given_velocity: np.ndarray | None = field(default=None, repr=False)
 
+    def velocities(self) -> list[np.ndarray]:
+        """Velocities that measure how fast the tool is, (points, dim), mm/s: its own, and of one that yields a little that
+        of its drive."""
+        follows = self.free is None or self.free.follows_drive
+        return [self.state.tool_velocity, self.given_velocity] if follows else [self.state.tool_velocity]
+
     @property
     def has_friction(self) -> bool:
         return self.friction is not None and self.friction.law != "none"
