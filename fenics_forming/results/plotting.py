@@ -23,7 +23,7 @@ from .drawing import (
 from .flow_lines import lines_at
 from .outlines import as_segments, flipped, tool_outlines
 from .plotting2d import draw, figure_size, levels_of
-from .plotting_tools import plot_load_displacement, visible
+from .plotting_tools import plastic_limits, plot_load_displacement, visible
 from .results import thousands
 from .skin import Skin
 
@@ -123,7 +123,7 @@ def plot_fields(
     skin = Skin.read(paths)
     if field is not None:
         name, values = skin.field(field)
-        limits = limits or limits_of(skin, values)
+        limits = limits or (plastic_limits(skin, name) or limits_of(skin, values))
     times = 0.0 if field is None else visible(results, skin) if magnify is None else magnify
     axes = AXES.get(getattr(results.scene, "geometry", None), "xyz")
     mirrors = mirrors_of(results.scene, axes, skin.points) if mirror else []

@@ -24,6 +24,14 @@ def visible(results, skin) -> float:
     return max(1.0, power * max(step for step in (1, 2, 5) if step * power <= times))
 
 
+def plastic_limits(skin, name: str) -> tuple[float, float] | None:
+    """All of the range of the plastic strain of tools, whose small zones are what is looked for; None of other fields."""
+    if name != "effective_strain" or "displacement_mm" not in skin.fields:
+        return None
+    most = float(np.nanmax(skin.fields[name], initial=0.0))
+    return (0.0, most) if most > 0 else None
+
+
 def plot_load_displacement(results, *, path=None, ax=None):
     """Load factor over the displacements of the tracked points, or over the largest ones of the tools.
 

@@ -70,7 +70,7 @@ class ToolRecorder:
         self.iterations += spent
         self.solves += step > 0
         every = self.scene.output.fields_every
-        if step == 0 or (every and step % every == 0):
+        if level == 0.0 or (every and step % every == 0):       # also where it is put together, not yet loaded
             self._frame()
         self.seconds["output"] += perf_counter() - start
 
