@@ -45,18 +45,18 @@ def main(coarse: bool = False, out: str | Path = "results/assembled_die", quiet:
     out : folder for the results
     quiet : print nothing
     """
-    out = Path(out)
     changes = ["workpieces.billet.mesh_size=2.5", "steps.stroke=0.2", "stop.stroke=0.8"] if coarse else []
     changes += ["tools.die.parts.insert.mesh_size={ contact = 2.5, far = 5 }"] if coarse else []
     scene = ff.read_scene(SCENE, set=changes)
     with Progress(total=STROKE, quiet=quiet) as progress:
-        forming = ff.simulate(scene, out / "forming", observer=progress)
+        forming = ff.simulate(scene, Path(out) / "forming", observer=progress)
     dies = {"shrink fit": scene, "no interference": loosely_fitted(scene), "elastic": elastic(scene)}
     runs = {"forming": forming}
     for name, each in dies.items():
         with Progress(quiet=quiet) as progress:
-            runs[name] = ff.tool_stresses(forming, "die", scene=each, out=out / name.replace(" ", "_"), observer=progress)
-    picture(runs, out / "assembled_die.png")
+            folder = Path(out) / name.replace(" ", "_")
+            runs[name] = ff.tool_stresses(forming, "die", scene=each, out=folder, observer=progress)
+    picture(runs, Path(out) / "assembled_die.png")
     compare(compared(runs, scene.contacts[0].interference), quiet=quiet)
     return runs
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from demos import (
+    assembled_die,
     billet_upsetting,
     bimetal_upsetting,
     block_upsetting_3d,
@@ -75,6 +76,16 @@ def test_the_closed_die_is_filled_and_its_flash_takes_the_rest(tmp_path, capsys)
     assert 0.1 < results.history.rows[-1]["max_damage"] < 1.5
 
 
+def test_the_shrink_fitted_die_is_that_of_lame_on_average(tmp_path, capsys):
+    runs = assembled_die.main(coarse=True, out=tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "assembled_die.png").stat().st_size > 10_000
+    # the fit stresses the bore in compression, which is what the pressure of the can has to overcome first
+    fitted = runs["shrink fit"].history
+    assert fitted.rows[1]["bore_stress_tt_MPa"] < -500 and fitted.rows[-1]["load_factor"] == 1
+    assert runs["no interference"].summary["tools"]["die"]["insert"]["share_that_flowed"] > 0
+
+
 def test_the_extruded_bar_keeps_between_the_bounds_and_its_grid_goes_through_the_die(tmp_path, capsys):
     results = extrusion.main(coarse=True, out=tmp_path, quiet=True)
     assert capsys.readouterr().out == ""
@@ -107,7 +118,8 @@ def test_the_block_in_space_is_upset_with_new_meshes(tmp_path, capsys):
     assert abs(slender[0] - 1.5) < 0.002 and slender[1] < 1.25
 
 
-DEMOS = [billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression, riveting]
+DEMOS = [assembled_die, billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression,
+         riveting]
 
 
 @pytest.mark.parametrize("demo", DEMOS)
