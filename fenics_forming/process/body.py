@@ -276,7 +276,7 @@ class FlowingBody:
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
         if self.inertia is not None:
-            self.inertia.found(self, time)
+            self.inertia.found(self, time, halfway=gaps is not None)
         return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
 
     def _follow_speed(self) -> None:

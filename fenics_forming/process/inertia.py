@@ -23,6 +23,8 @@ from ..physics.parallel import highest
 from .integration import Flow
 
 BLOW = 1e-2          # of the step: in so short a time the given velocity adapts itself to the tools that touch at the start
+CENTRED = 0.9        # of the way from the velocity at the end of a step to that of its middle: what rings dies out
+UNLIKE = 0.3, 0.9    # relative difference of two half steps, up to which all of that way is gone, and from which none of it
 SLOWER = 0.7         # in a step at most: the speed to which regularisation and penalty are relative
 ROUNDING = 1e-9      # of a speed: a tool that closes in more slowly moves along with the body
 SLOWEST = 1e-3       # of the greatest speed so far
@@ -60,6 +62,9 @@ class Inertia:
         self.is_start = True
         self._of_start = _Sums(mass.momentum(velocity), {"kinetic": mass.kinetic_energy(velocity)})
         self._settled = self._last = _Sums(np.zeros(mass.nodes.dim), {})    # a second solve at a time replaces the last
+        self._half: tuple[Moment, _Sums] | None = None      # a step half done: where it began, what its first half booked
+        self._carried: np.ndarray | None = None     # after a change of mesh: of the last flow, what it carries besides
+        self._kept: tuple[np.ndarray, float] | None = None      # momentum and kinetic energy before that change
         self._speed = self._speed_before = self._greatest = 0.0
         self._surface_mass: float | None = None
 
@@ -114,9 +119,12 @@ class Inertia:
             self._surface_mass = body.contact.surface_mean(self.mass.diagonal(), body.workpiece.nodal_areas())
         return body.workpiece.settings.penalty_factor * self._surface_mass * float(self.mass.per_step.value)
 
-    def found(self, body, time: float) -> None:
-        """Book the flow that a solve of ``body`` has found at ``time``."""
+    def found(self, body, time: float, halfway: bool) -> None:
+        """Book the flow that a solve of ``body`` has found at ``time``, which is ``halfway`` through a step or its end."""
         velocity = body.workpiece.velocity
+        if self._carried is not None:
+            self._on_new_mesh(time, velocity)
+            return
         self.now = Moment(time, velocity)
         powers, force = body.powers(), self.mass.weight_force()
         for tool in body.tools:
@@ -127,6 +135,42 @@ class Inertia:
         self._last = _Sums(self.interval * force, energies)
         if self.is_start:
             self._forget_loads(body)
+        elif halfway:
+            self._half = self.before, self._last
+        elif self._half is not None and self.before.time > self._half[0].time:
+            self._centre(*self._half)
+
+    def _centre(self, start: Moment, first: _Sums) -> None:
+        r"""Carry on with the velocity that belongs to the middle of the step, as far as the motion is smooth.
+
+        Two half steps of backward Euler, :math:`v_0\to v_m\to v_e`, are of first order; :math:`2v_m-v_0` is of second and
+        keeps the energy, but throws back what has landed. The share of the way to it comes from what the two half steps
+        have in common. Energies and impulse follow exactly: both ends obey their balance, and kinetic energy is quadratic.
+        """
+        mass, end = self.mass, self.now
+        ways = [self.before.velocity - start.velocity, end.velocity - self.before.velocity]
+        bend = ways[0] - ways[1]        # 2 v_m - v_0 - v_e
+        greatest = max(mass.kinetic_energy(way) for way in ways)
+        if greatest == 0.0:
+            return
+        unlike = np.sqrt(mass.kinetic_energy(bend) / greatest)
+        share = CENTRED * float(np.clip((UNLIKE[1] - unlike) / (UNLIKE[1] - UNLIKE[0]), 0.0, 1.0))
+        self.now = Moment(end.time, end.velocity + share * bend)
+        second = self._last
+        energies = {n: e + share * (first.energies[n] - e) for n, e in second.energies.items() if n != "stepping"}
+        stepping = (1.0 - share) * second.energies["stepping"] - share * first.energies["stepping"] + \
+            share * (1.0 - share) * mass.kinetic_energy(bend)
+        self._last = _Sums(second.impulse + share * (first.impulse - second.impulse),
+                           energies | {"stepping": float(stepping)})
+
+    def _on_new_mesh(self, time: float, velocity: np.ndarray) -> None:
+        """The flow of the last solve anew, on another mesh: the momentum stays, and the kinetic energy is booked."""
+        momentum, energy = self._kept
+        carried = velocity + self._carried
+        carried = carried + np.where(self._free, (momentum - self.mass.momentum(carried)) / self.mass.total(), 0.0)
+        self.now = Moment(time, carried)
+        lost = {"remeshing": float(energy - self.mass.kinetic_energy(carried))}
+        self._last, self._carried = self._last + _Sums(0.0 * self._last.impulse, lost), None
 
     def _forget_loads(self, body) -> None:
         """Of the blow at the start only the velocities are of use: its stresses are those of an impulse."""
@@ -197,37 +241,39 @@ class Inertia:
 
     def memory(self) -> tuple[dict, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Numbers, nodal arrays and values per cell, by name, that a run goes on from."""
+        began, first = self._half or (self.before, self._last)
         sums = {name: {"impulse": s.impulse.tolist(), "energies": s.energies} for name, s in
-                (("start", self._of_start), ("settled", self._settled), ("last", self._last))}
-        numbers = {"times": [self.before.time, self.now.time], "is_start": self.is_start, "sums": sums,
-                   "speeds": [self._speed, self._speed_before, self._greatest]}
-        return numbers, {"before.velocity": self.before.velocity, "now.velocity": self.now.velocity}, \
+                (("start", self._of_start), ("settled", self._settled), ("last", self._last), ("first", first))}
+        numbers = {"times": [began.time, self.before.time, self.now.time], "is_start": self.is_start, "sums": sums,
+                   "speeds": [self._speed, self._speed_before, self._greatest], "has_halves": self._half is not None}
+        velocities = {"began": began, "before": self.before, "now": self.now}
+        return numbers, {f"{name}.velocity": moment.velocity for name, moment in velocities.items()}, \
             {"mass": self.mass.of_points}
 
     def remember(self, numbers: dict, nodal: dict[str, np.ndarray], cellwise: dict[str, np.ndarray]) -> None:
         """Take over what :meth:`memory` gave."""
-        before, now = numbers["times"]
-        self.before, self.now = Moment(before, nodal["before.velocity"]), Moment(now, nodal["now.velocity"])
+        velocities = [nodal[f"{name}.velocity"] for name in ("began", "before", "now")]
+        began, self.before, self.now = (Moment(*both) for both in zip(numbers["times"], velocities, strict=True))
+        self._of_start, self._settled, self._last, first = (
+            _Sums(np.array(numbers["sums"][n]["impulse"]), numbers["sums"][n]["energies"])
+            for n in ("start", "settled", "last", "first"))
+        self._half = (began, first) if numbers["has_halves"] else None
         self.is_start = numbers["is_start"]
-        self._of_start, self._settled, self._last = (
-            _Sums(np.array(s["impulse"]), s["energies"]) for s in map(numbers["sums"].get, ("start", "settled", "last")))
         self._speed, self._speed_before, self._greatest = numbers["speeds"]
         self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)
         self.mass.follow()
 
-    def continues(self, other: Inertia, before: np.ndarray, now: np.ndarray) -> None:
-        """Go on as ``other`` did on another mesh, from whose nodes the two velocities (nodes, dim) were taken over.
-
-        The mass stays, and so does the momentum of the velocities before; what the transfer does to their kinetic energy is
-        booked. Collective.
+    def continues(self, other: Inertia, before: np.ndarray, now: np.ndarray, flow: np.ndarray) -> None:
+        """Go on as ``other`` did on another mesh, from whose nodes the velocities before, now and of the last flow were
+        taken over, (nodes, dim); the last flow is to be found anew. The mass stays, and so does the momentum. Collective.
         """
+        self.restore(other.snapshot())
         self.mass.keep_total(other.mass.total())
         lost = other.mass.momentum(other.before.velocity) - self.mass.momentum(before)
         before = before + np.where(self._free, lost / self.mass.total(), 0.0)
-        lost = other.mass.kinetic_energy(other.before.velocity) - self.mass.kinetic_energy(before)
-        self.restore(other.snapshot())
         self.before, self.now = Moment(other.before.time, before), Moment(other.now.time, now)
-        self._settled = self._settled + _Sums(0.0 * self._settled.impulse, {"remeshing": lost})
+        self._carried, self._half = now - flow, None
+        self._kept = other.momentum(), other.mass.kinetic_energy(other.velocity)
 
 
 @dataclass(frozen=True)

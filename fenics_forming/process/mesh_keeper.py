@@ -130,7 +130,7 @@ def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> 
     carried = Carried({f"history.{name}": values for name, values in history.items()}, {"velocity": flow.velocity})
     carried.linear |= {"mean_stress": w.mean_stress, "rate": flow.rate}
     if body.inertia is not None:
-        carried.quadratic["before.velocity"] = body.inertia.before.velocity
+        carried.quadratic |= {"before.velocity": body.inertia.before.velocity, "now.velocity": body.inertia.velocity}
     for tool in body.tools:
         carried.linear[f"pressure.{tool.name}"] = body.contact.facets.to_nodes(tool.state.pressure, body.contact.weights)
     for name, values in remembered.items():
@@ -151,7 +151,7 @@ def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: 
     """The flow on the new mesh, from the one on the old."""
     new.continues(old)
     if new.inertia is not None:
-        new.inertia.continues(old.inertia, local["before.velocity"], local["velocity"])
+        new.inertia.continues(old.inertia, local["before.velocity"], local["now.velocity"], local["velocity"])
     new.place(time)
     new.search(ahead * dt)
     w, rate_scale = new.workpiece, old.workpiece.last_rate[1]
