@@ -34,8 +34,8 @@ class Stops:
         return [t for drive in self.drives for t in drive.turning_times]
 
     def just_before(self, time: float, dt: float) -> float:
-        """The moment whose flow is recorded at a turn at ``time``, in a step of ``dt``: the last one, but a thousandth of the
-        step earlier where a crank comes to rest, since without speed there is no flow."""
+        """The moment whose flow is recorded at a turn at ``time``, in a step of ``dt``: the last one, but a thousandth of
+        the step earlier where a crank comes to rest, since without speed there is no flow."""
         gradual = any(d.dead_centre_time is not None and time in d.turning_times for d in self.drives)
         return time - GRADUAL * dt if gradual else np.nextafter(time, -np.inf)
 
