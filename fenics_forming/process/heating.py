@@ -97,7 +97,7 @@ class BodyHeat:
 
     def warming(self, rates: dict[str, np.ndarray]) -> np.ndarray:
         """Heating of the nodes by what stays in the workpiece of the heat that is made, (nodes,), K/s."""
-        return sum((self._kept(name) * rates[name] for name in self._names()), np.zeros(self.field.nodes.count))
+        return sum((self._kept(name) * rate for name, rate in rates.items()), np.zeros(self.field.nodes.count))
 
     def _kept(self, source: str) -> float:
         """Share of a source that stays in the workpiece."""

@@ -62,6 +62,11 @@ def mirror_planes(scene: Scene, mesh: Mesh) -> dict[int, float]:
     return planes
 
 
+def free_facets(nodes: Nodes, mirrors: dict[int, float], axes) -> np.ndarray:
+    """Facets of the surface that lie on no mirror plane."""
+    return _boundary(nodes, mirrors, axes)[1]
+
+
 def _boundary(nodes: Nodes, mirrors: dict[int, float], axes) -> tuple[list[FixedVelocity], np.ndarray]:
     """Conditions on the mirror planes, and the facets that are left for tools to touch."""
     size = float(np.ptp(nodes.extents(), axis=0).max())

@@ -9,6 +9,8 @@ WORDS = {
     "dt_s": "dt",
     "wall_s": "wall time",
     "max_effective_strain": "max strain",
+    "min_temperature_degC": "coldest",
+    "max_temperature_degC": "hottest",
 }
 UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mW", "mJ", "mm3", "mm2", "mm", "N", "s")
 
@@ -163,7 +165,8 @@ def _telling(row):
         wanted += [c for c in row if c.startswith(start)]
     if "load_factor" in row:
         wanted += [c for c in row if c.startswith("max_effective_strain_")]
-    return tuple(c for c in wanted + ["max_strain", "max_effective_strain", "newton_iterations"] if c in row)
+    telling = ["max_strain", "max_effective_strain", "min_temperature_degC", "max_temperature_degC", "newton_iterations"]
+    return tuple(c for c in wanted + telling if c in row)
 
 
 def _shown(value):

@@ -256,6 +256,8 @@ def _tool_facts(results, tool):
 
 
 def _newton(results):
+    if results.summary.get("solves") == 0:
+        return []
     if "newton_iterations_per_solve" in results.summary:
         return [results.summary["newton_iterations_per_solve"]]
     if "newton_iterations" in results.history.columns:

@@ -6,7 +6,7 @@ from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
 from .drive_checks import ratio_problems, stop_problems
-from .heat import heat_problems, heat_warnings, tool_material
+from .heat import flowless_problems, heat_problems, heat_warnings, tool_material
 from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
 from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
@@ -36,8 +36,9 @@ def check(scene):
         if not problems:
             return tools_alone_warnings(scene)
     if not problems:  # places can be compared only when every vector has the dimension of the scene
-        problems = [*_law_problems(scene), *_step_problems(scene), *mesh_problems(scene), *inertia_problems(scene)]
-        problems += [*placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
+        problems = [*_law_problems(scene), *_step_problems(scene), *inertia_problems(scene)] if scene.process.flow else \
+            [*flowless_problems(scene)]
+        problems += [*mesh_problems(scene), *placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
         problems += [*_solver_problems(scene), *tool_point_problems(scene)]
     if problems:
         raise SceneError.joined(problems)

@@ -243,7 +243,7 @@ class Scene(Described):
     workpieces: named(Workpiece) = Field(
         default_factory=Named, description="one table [workpieces.NAME] for each body that is formed"
     )
-    tools: named(Tool) = Field(description="one table [tools.NAME] for each tool")
+    tools: named(Tool) = Field(default_factory=Named, description="one table [tools.NAME] for each tool")
     points: named(TrackedPoint) = Field(default_factory=Named)
     flow_lines: named(FlowLine) = Field(default_factory=Named)
     contacts: Contacts = ()
@@ -259,6 +259,8 @@ class Scene(Described):
     def _requires(cls, name, values):
         if name in ("workpieces", "steps", "stop"):
             return bool(values.get("workpieces")) or not _has_bodies(values.get("tools"))
+        if name == "tools":
+            return not _is_without_flow(values.get("process"))
         return super()._requires(name, values)
 
     @model_validator(mode="before")
@@ -379,6 +381,11 @@ class Scene(Described):
         return tree(self)
 
     __str__ = __repr__
+
+
+def _is_without_flow(process):
+    """Whether the table of the process, as the user gives it, says that nothing is formed."""
+    return not process.flow if isinstance(process, Process) else isinstance(process, dict) and process.get("flow") is False
 
 
 def _has_bodies(tools):

@@ -43,8 +43,6 @@ def heat_problems(scene):
         yield SceneError("temperatures are computed for a single workpiece; this scene has several", key=asking,
                          allowed="one workpiece, or none of air, heat_exchange and plastic_heat_fraction")
         return
-    if not scene.process.flow:
-        yield SceneError("a run without flow is not available yet", key="process.flow", got=False, allowed="true")
     for name, body in scene.workpieces.items():
         if body.temperature is None:
             yield SceneError(f"is missing; {asking} asks for temperatures to be computed",
@@ -54,6 +52,32 @@ def heat_problems(scene):
                              key=f"materials.{body.material}.{key}", allowed="a positive quantity")
     for name in scene.tools:
         yield from _tool_problems(scene, name)
+
+
+def flowless_problems(scene):
+    """What a scene without flow says that belongs to one with it, as `SceneError`s."""
+    steps, stop, process = scene.steps, scene.stop, scene.process
+    for key, value, sentence in (
+            ("process.heat", process.heat is False, "is false, and so is process.flow: there is nothing to compute"),
+            ("steps.stroke", steps.stroke, "is the size of a step of a tool; without flow expected steps.time"),
+            ("steps.adaptive", steps.adaptive, "belongs to a flow; without one expected no 'adaptive'"),
+            ("process.inertia", process.inertia, "needs a flow"),
+            ("flow_lines", scene.flow_lines, "follow material that flows; expected none")):
+        if value:
+            yield SceneError(sentence, key=key, got=value)
+    if stop.time is None or any((stop.stroke, stop.force, stop.height, stop.dead_centre, stop.energy_spent)):
+        yield SceneError("without flow a run stops at a time, and at nothing else", key="stop", allowed="time")
+    elif steps.time is not None and steps.time > stop.time:
+        sentence = f"{steps.time:g} s is larger than stop.time {stop.time:g} s; the run would end within its first step"
+        yield SceneError(sentence, key="steps.time", got=steps.time, allowed=f"at most {stop.time:g}")
+    for name, tool in scene.tools.items():
+        if tool.drive is not None:
+            yield SceneError("moves the tool, and nothing is formed; expected no drive", key=f"tools.{name}.drive",
+                             got=tool.drive, allowed="nothing")
+    for name, body in scene.workpieces.items():
+        for key in ("remesh", "initial_velocity"):
+            if getattr(body, key) is not None:
+                yield SceneError("belongs to a flow; without one expected none", key=f"workpieces.{name}.{key}")
 
 
 def _tool_problems(scene, name):

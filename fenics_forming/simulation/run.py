@@ -239,7 +239,10 @@ def simulate(scene: Scene, out: Path | str | None = None, *, observer=None, comm
 
 
 def simulation_of(scene: Scene, *, comm=MPI.COMM_WORLD, resume: Path | str | None = None):
-    """What runs a scene: a `Simulation`, or a `ToolSimulation` where nothing is formed."""
+    """What runs a scene: a `Simulation`; where nothing is formed a `HeatSimulation`, or a `ToolSimulation` for tools."""
+    if not scene.process.flow and scene.workpieces:
+        from .heat_alone import HeatSimulation
+        return HeatSimulation(scene, comm=comm, resume=resume)
     if not scene.is_tools_alone:
         return Simulation(scene, comm=comm, resume=resume)
     if resume is not None:

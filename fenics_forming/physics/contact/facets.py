@@ -6,6 +6,7 @@ UFL facet integral over the body; so the contact law may be any vectorised funct
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import permutations
 
 import basix
@@ -54,10 +55,6 @@ class ContactFacets:
 
         cell = self._sub.basix_cell()
         degree = DEGREE[dim]
-        space = lambda shape: fem.functionspace(  # noqa: E731
-            self._sub, basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=degree))
-        self.traction_function = fem.Function(space((dim,)), name="contact_traction")
-        self.tangent_function = fem.Function(space((dim, dim)), name="contact_tangent")
         points, self._reference_weights = basix.make_quadrature(cell, degree)
         element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         table = element.tabulate(1, points)[:, :, :, 0]
@@ -68,6 +65,21 @@ class ContactFacets:
         self.points_per_facet = len(points)
         self.count = count * self.points_per_facet
         self.measure = ufl.Measure("ds", domain=mesh, subdomain_data=_tags(mesh, dim - 1, parent[:count]))(TAG)
+
+    def _at_points(self, shape: tuple[int, ...], name: str) -> fem.Function:
+        """A function of the points, for forms."""
+        element = basix.ufl.quadrature_element(self._sub.basix_cell().name, value_shape=shape, degree=DEGREE[self.dim])
+        return fem.Function(fem.functionspace(self._sub, element), name=name)
+
+    @cached_property
+    def traction_function(self) -> fem.Function:
+        """Traction of the contact in the facet integrals, N/mm²."""
+        return self._at_points((self.dim,), "contact_traction")
+
+    @cached_property
+    def tangent_function(self) -> fem.Function:
+        """Its negative derivative by the velocity, N s/mm³."""
+        return self._at_points((self.dim, self.dim), "contact_tangent")
 
     @property
     def axisymmetric(self) -> bool:

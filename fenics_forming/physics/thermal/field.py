@@ -78,6 +78,10 @@ class HeatField:
         """Heat above 0 degC, mJ. Collective."""
         return self.total(self.capacity * temperature)
 
+    def mean(self, temperature: np.ndarray) -> float:
+        """Mean temperature by mass, degC. Collective."""
+        return self.content(temperature) / self.total(self.capacity)
+
     def total(self, nodal: np.ndarray) -> float:
         """Sum over the vertices of all ranks of what their hats share, (nodes,). Collective."""
         return float(total(self.nodes.comm, float(nodal[self._owned_vertices].sum())))

@@ -22,8 +22,9 @@ from scipy.sparse import linalg
 from ...laws.heat_exchange import STEFAN_BOLTZMANN, ZERO_CELSIUS
 
 MOST_DIRECT = 20_000    # nodes; beyond, conjugate gradients
+HELD = 1e-3             # of the heat that nodes hold: where less is moved, an imbalance is relative to this
 SETTLED = 1e-11         # of the range of the temperatures: when the iterations have ended
-SLACK = 1e-8            # of the same: what counts as an overshoot
+SLACK = 1e-9            # of the same: what counts as an overshoot
 
 
 @dataclass(frozen=True)
@@ -165,9 +166,8 @@ class Network:
         terms = [stored, float(heat.sum()), *(float(loss.sum()) for loss in lost.values())]
         open_ = stored - float(heat.sum()) + sum(float(loss.sum()) for loss in lost.values())
         # rounding is relative to the heat that the nodes hold; a body that keeps its temperature moves none
-        moved = max(sum(map(abs, terms)), float(self.capacity @ np.abs(found - start)),
-                    1e-9 * float(self.capacity.sum()) * self._range(start))
-        return Stepped(found, lost, open_ / moved if moved > 0 else 0.0, cut)
+        moved = max(sum(map(abs, terms)), HELD * float(self.capacity @ np.abs(found)), 1e-300)
+        return Stepped(found, lost, open_ / moved, cut)
 
 
 def _solver(matrix):

@@ -1,0 +1,119 @@
+"""Heat alone: a body that cools or warms where it lies, until a time. No velocities are known here, and none are built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from mpi4py import MPI
+
+from ..physics.bodies import body_mesh
+from ..physics.contact.rigid import ToolMotion
+from ..physics.gather import scatter_nodal
+from ..physics.kinematics import KINDS
+from ..physics.nodes import Nodes
+from ..physics.tools import known_tools
+from ..physics.tracking import MaterialPoints
+from ..process.heat_building import body_heat
+from ..process.placing import free_facets, mirror_planes
+from ..process.timestep import StepChoice
+from ..results.checkpoint import load_checkpoint, save_checkpoint
+from ..results.heat_ledger import HeatLedger
+from ..results.heat_recorder import HeatRecorder
+from ..results.progress import Silent
+from ..results.results import Results
+from ..scene import Scene, check
+
+
+class HeatSimulation:
+    """A scene without flow made ready to run.
+
+    Parameters
+    ----------
+    scene : the description, with ``process.flow = false``
+    comm : MPI communicator
+    resume : a checkpoint file to go on from
+
+    Raises
+    ------
+    SceneError, MeshError
+        before anything is solved.
+    """
+
+    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, resume: Path | str | None = None):
+        start = perf_counter()
+        self.scene, self.comm, self.warnings = scene, comm, check(scene)
+        self.tools = known_tools(scene)
+        for tool in self.tools:
+            tool.motion = ToolMotion(np.zeros(scene.dimension), np.zeros(scene.dimension))
+        self._saved = load_checkpoint(resume) if resume is not None else None
+        if self._saved is None:
+            mesh, _ = body_mesh(scene, self.tools, comm)
+            mirrors = mirror_planes(scene, mesh)
+        else:
+            mesh, mirrors = self._saved.mesh(comm), {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
+        self._mirrors, self.nodes = mirrors, Nodes(mesh)
+        self.heat = body_heat(scene, self.nodes, KINDS[scene.geometry], free_facets(self.nodes, mirrors, scene.axes))
+        self.ledger = HeatLedger(2 ** len(scene.workpiece.symmetry))
+        self.points = MaterialPoints(self.nodes, {name: [point.at] for name, point in scene.points.items()}) \
+            if scene.points else None
+        self.seconds_to_build = perf_counter() - start
+
+    # ------------------------------------------------------------------ running
+    def run(self, out: Path | str | None = None, *, observer=None) -> Results:
+        """Run to the time at which the scene stops.
+
+        Parameters
+        ----------
+        out : folder for history, fields, summary and checkpoints; without it nothing is written
+        observer : hears of every step (``results.progress``)
+        """
+        observer, stop = observer or Silent(), self.scene.stop.time
+        self.step, self.time = 0, 0.0
+        self.history = {"temperature": np.full(self.nodes.count, self.scene.workpiece.temperature)}
+        self.state = self.heat.first()
+        if self._saved is not None:
+            self._resume()
+        recorder = HeatRecorder(self, out, resume_after=None if self._saved is None else self.step)
+        observer.started(recorder.introduction())
+        for warning in self.warnings:
+            observer.note(warning)
+        if self._saved is None:
+            recorder.step(0.0, 0.0)
+            observer.step(recorder.row, "start")
+        steps, why = StepChoice(lambda time: self.scene.steps.time, [stop]), "failed"
+        try:
+            while self.time < stop * (1 - 1e-9):
+                begun, limit = perf_counter(), steps.next(self.time)
+                self.history, self.state = self.heat.advance(self.history, self.history, self.state, self.tools, limit.dt)
+                self.step, self.time = self.step + 1, steps.end_of(self.time, limit.dt)
+                recorder.step(limit.dt, perf_counter() - begun)
+                observer.step(recorder.row, limit.reason)
+            why = f"time {stop:g} s reached"
+        except KeyboardInterrupt:
+            why = "interrupted"
+            raise
+        finally:
+            recorder.finish(why, self.warnings)
+        results = recorder.results()
+        observer.finished(results)
+        return results
+
+    # ------------------------------------------------------------------ checkpoints
+    def save(self, path: Path) -> None:
+        """Write the state so that a run on any number of ranks can go on from it. Collective."""
+        rates = {"temperature": self.state.drift}
+        save_checkpoint(path, self.nodes,
+                        scalars={"step": self.step, "time": self.time, "heat_ledger": self.ledger.memory(),
+                                 "mirrors": {str(axis): value for axis, value in self._mirrors.items()}},
+                        nodal={"temperature": self.history["temperature"], **self.heat.saved(self.state, rates)})
+
+    def _resume(self) -> None:
+        saved = self._saved
+        local = {name: scatter_nodal(self.nodes, values if self.comm.rank == 0 else None)
+                 for name, values in saved.nodal.items()}
+        self.step, self.time = saved.scalars["step"], saved.scalars["time"]
+        self.ledger.remember(saved.scalars["heat_ledger"])
+        self.history = {"temperature": local["temperature"]}
+        self.state, _ = self.heat.resumed(local)
