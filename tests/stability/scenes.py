@@ -161,11 +161,11 @@ def read(text: str, folder: Path, *changes: str):
 
 def run(text: str, folder: Path, *changes: str, resume: bool = False) -> Outcome:
     """Run a scene into ``folder``; whatever its end, what is on disk must be whole."""
-    from fenics_forming.simulation import Simulation
+    from fenics_forming.simulation import simulation_of
     heard, failure = Listener(), None
     scene = read(text, folder, *changes)
     try:
-        Simulation(scene, resume=folder / "checkpoint.npz" if resume else None).run(folder, observer=heard)
+        simulation_of(scene, resume=folder / "checkpoint.npz" if resume else None).run(folder, observer=heard)
     except ff.ConvergenceError as error:
         failure = error
     outcome = Outcome(Results.read(folder), failure, heard)

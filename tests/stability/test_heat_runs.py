@@ -89,3 +89,44 @@ def test_a_new_mesh_holds_the_heat_of_the_old_one(tmp_path):
     changes = [record["conservation"]["heat"] for record in results.summary["remeshed"]]
     assert len(changes) >= 3 and np.abs(changes).max() < 1e-10
     assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
+
+
+BALL = """
+geometry = "axisymmetric"
+
+[materials.steel]
+density = "7500 kg/m^3"
+conductivity = "25 W/m/K"
+specific_heat = "650 J/kg/K"
+
+[workpieces.ball]
+shape = { kind = "circle", centre = [0, 0], radius = 10 }
+symmetry = ["z"]
+material = "steel"
+temperature = "1200 degC"
+mesh_size = "2.5 mm"
+air = { temperature = "20 degC", emissivity = 0.8 }
+
+[points.skin]
+body = "ball"
+at = [10, 0]
+
+[process]
+flow = false
+
+[steps]
+time = "1 s"
+
+[stop]
+time = "8 s"
+"""
+
+
+@pytest.mark.mpi
+def test_heat_alone_goes_on_after_a_break_on_two_ranks(tmp_path):
+    whole = run(BALL, tmp_path / "whole").results
+    run(BALL, tmp_path, "stop.time=4")
+    again = on_ranks(2, BALL, tmp_path, resume=True)
+    assert again.history.column("step").tolist() == whole.history.column("step").tolist()
+    same(whole.history, again.history, within=1e-10)
+    assert again.summary["stopped"] == "time 8 s reached" and again.summary["ranks"] == 2
