@@ -3,9 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from fenics_forming.results import Results
 
 pytestmark = pytest.mark.mpi
 
@@ -93,3 +96,25 @@ def test_number_of_ranks_changes_nothing(ranks, kinds):
 def test_parts_that_press_on_one_another_on_two_ranks():
     """A smaller block comes down through a gap on a larger one, its corners yield; meshes that do not match."""
     assert answers(2, STACKED) == pytest.approx(answers(1, STACKED), rel=1e-9)
+
+
+def on_ranks(count: int, *words: str) -> None:
+    """``forming`` with these words on ``count`` ranks."""
+    done = subprocess.run(["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", *words], capture_output=True,
+                          text=True, timeout=120, env=os.environ)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_stresses_of_an_assembled_tool_after_forming_on_two_ranks(tmp_path):
+    """The forming run, its contact forces and the shrink-fitted die behind them, all on two ranks against one."""
+    scene = str(Path(__file__).parents[2] / "demos" / "scenes" / "assembled_die.toml")
+    coarse = [f"--set={change}" for change in (
+        "workpieces.billet.mesh_size=4", "steps.stroke=0.2", "stop.stroke=0.4", "materials.insert_steel.yield_stress=500")]
+    for ranks in (1, 2):
+        folder = str(tmp_path / str(ranks))
+        on_ranks(ranks, "run", scene, "--out", folder, "--quiet", *coarse)
+        on_ranks(ranks, "stresses", folder, "die", "--quiet")
+    one, two = (Results.read(tmp_path / ranks / "die").history for ranks in ("1", "2"))
+    assert one.columns == two.columns and one.rows[-1]["max_effective_strain_die"] > 0
+    for name in set(one.columns) - {"wall_s"}:
+        assert two.column(name) == pytest.approx(one.column(name), rel=1e-7, abs=1e-7 * np.abs(one.column(name)).max())
