@@ -23,27 +23,40 @@ from .parallel import total
 class Border:
     """The rows and columns of all unknown motions of the tools of a workpiece.
 
-    Few unknowns: the matrix of the workpiece is factorised as ever, and the motions are found from its Schur complement,
-    one more right-hand side for each.
+    For few unknowns: the matrix of the workpiece is factorised as ever, and the motions are found from its Schur
+    complement, one more right-hand side for each.
     """
 
     def __init__(self, workpiece):
         self.workpiece, self.contact = workpiece, workpiece.contact
-        self.tools: list[KnownTool] = [t for t in self.contact.tools if t.free is not None]
-        self._trace = trace_operator(workpiece)
-        self._increment = np.zeros(sum(t.free.count for t in self.tools))
+        self.tools: list[KnownTool] = [t for t in self.contact.tools if t.is_sought]
+        self.trace = trace_operator(workpiece)
+        free = np.ones(self.trace.shape[1])
+        free[workpiece.fixed_dofs] = 0.0
+        self._onto_free = (self.trace @ sp.diags(free)).T.tocsr()
+        self._increment = np.zeros(0)
 
     # ------------------------------------------------------------------ what the motions contribute
+    def blocks(self) -> tuple[list[np.ndarray | sp.csr_matrix], list[np.ndarray]]:
+        """B of every tool, as far as this rank knows it, (local dofs, n), and C, (n, n) on all ranks. Collective."""
+        comm, columns, corners = self.workpiece.nodes.comm, [], []
+        for tool in self.tools:
+            pressed = self._tangent(tool) @ tool.free.basis
+            columns.append(-(self._onto_free @ pressed))
+            corner = tool.free.basis.T @ pressed
+            corner = corner.toarray() if sp.issparse(corner) else corner
+            corners.append(total(comm, corner) + tool.free.resistance)
+        return columns, corners
+
     def _tangent(self, tool: KnownTool) -> sp.bsr_matrix:
         """D, block diagonal, (points · dim)²."""
         blocks = self.contact.weights[:, None, None] * tool.tangent
         count, dim = blocks.shape[:2]
-        return sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * dim, count * dim))
+        return sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * dim, count * dim)).tocsr()
 
     def reactions(self, tool: KnownTool) -> np.ndarray:
         """Forces of the tool on the body along its motions, ∫ Φᵀt, (n,), N. Collective."""
-        local = (self.contact.weights[:, None] * tool.traction).ravel() @ tool.free.basis
-        return total(self.workpiece.nodes.comm, np.asarray(local))
+        return self.contact.along_motions(tool)
 
     def residuals(self) -> list[np.ndarray]:
         """f - R a - ∫ Φᵀt of every tool, (n,), N. Collective."""
@@ -54,6 +67,37 @@ class Border:
         return -float(sum(r @ t.free.rate for r, t in zip(self.residuals(), self.tools, strict=True)))
 
     # ------------------------------------------------------------------ solving
+    def solve(self, system, b: PETSc.Vec) -> None:
+        """Factorise, and solve for the increment of the workpiece; those of the rates are kept for :meth:`advance`.
+        Collective."""
+        body = self.workpiece
+        system.solve(b)
+        x = body.increment.x.petsc_vec
+        local, corners = self.blocks()
+        columns, answers = [c for values in local for c in self._columns(values)], []
+        for column in columns:
+            answers.append(x.duplicate())
+            system.solve_also(column, answers[-1])
+        schur = sp.block_diag(corners).toarray() if corners else np.zeros((0, 0))
+        schur -= np.array([[c.dot(z) for z in answers] for c in columns])
+        right = np.concatenate(self.residuals()) - np.array([c.dot(x) for c in columns])
+        self._increment = _solved(0.5 * (schur + schur.T), right)
+        for z, da in zip(answers, self._increment, strict=True):
+            x.axpy(-da, z)
+        body.increment.x.scatter_forward()
+
+    def _columns(self, local: np.ndarray) -> list[PETSc.Vec]:
+        """Columns (local dofs, n) summed over the ranks that share a dof."""
+        found = []
+        for values in np.asarray(local).T:
+            column = self.workpiece.increment.x.petsc_vec.duplicate()
+            with column.localForm() as ghosted:
+                ghosted.array[:] = values
+            column.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            found.append(column)
+        return found
+
+    # ------------------------------------------------------------------ the rates
     def keep(self) -> None:
         """Remember the rates, for a solve that has to start again."""
         self._kept = [t.free.rate.copy() for t in self.tools]
@@ -62,43 +106,6 @@ class Border:
         """The rates as they were kept."""
         for tool, rate in zip(self.tools, self._kept, strict=True):
             tool.free.rate = rate.copy()
-
-    def solve(self, system) -> None:
-        """Mend the increment that ``system`` has just solved for with given motions of the tools; the increments of the
-        rates are kept for :meth:`advance`. Collective."""
-        comm, x = self.workpiece.nodes.comm, self.workpiece.increment.x.petsc_vec
-        columns, corners = [], []
-        for tool in self.tools:
-            D = self._tangent(tool)
-            columns += self._columns(-(self._trace.T @ (D @ tool.free.basis)))
-            corners.append(total(comm, tool.free.basis.T @ (D @ tool.free.basis)) + tool.free.resistance)
-        answers = []
-        for column in columns:
-            answers.append(x.duplicate())
-            system.solve_also(column, answers[-1])
-        n = len(columns)
-        schur = np.zeros((n, n))
-        at = np.cumsum([0] + [len(c) for c in corners])
-        for first, last, corner in zip(at, at[1:], corners, strict=False):
-            schur[first:last, first:last] = corner
-        schur -= np.array([[c.dot(z) for z in answers] for c in columns])
-        right = np.concatenate(self.residuals()) - np.array([c.dot(x) for c in columns])
-        self._increment = _solved(0.5 * (schur + schur.T), right)
-        for z, da in zip(answers, self._increment, strict=True):
-            x.axpy(-da, z)
-        self.workpiece.increment.x.scatter_forward()
-
-    def _columns(self, local: np.ndarray) -> list[PETSc.Vec]:
-        """Columns (local dofs, n) summed over the ranks that share a dof, zero where the velocity is given."""
-        body, found = self.workpiece, []
-        for values in np.asarray(local).T:
-            column = body.increment.x.petsc_vec.duplicate()
-            with column.localForm() as ghosted:
-                ghosted.array[:] = values
-            column.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            column.array[body.fixed_dofs[body.fixed_dofs < body.owned]] = 0.0
-            found.append(column)
-        return found
 
     def found(self) -> bool:
         """A solve has converged: the motions hear of the reactions; whether one resists otherwise than it was taken to, so
@@ -124,6 +131,136 @@ class Border:
             n = tool.free.count
             tool.free.rate = tool.free.rate + share * self._increment[first:first + n]
             first += n
+
+
+class AppendedBorder(Border):
+    """The same for many unknowns, as those of deformable tools: appended to the matrix of the workpiece, behind the
+    unknowns of the last rank, and factorised with it."""
+
+    def __init__(self, workpiece):
+        super().__init__(workpiece)
+        self._matrix: AppendedMatrix | None = None
+
+    def solve(self, system, b: PETSc.Vec) -> None:
+        local, corners = self.blocks()
+        columns, corner = self._owned(sp.hstack(local, format="csr")), sp.block_diag(corners).toarray()
+        bulk, comm = system.matrix.petsc, self.workpiece.nodes.comm
+        fits = self._matrix is not None and self._matrix.holds(bulk, columns, len(corner))
+        if total(comm, float(not fits)) > 0:
+            pattern = sp.hstack([self._pattern(tool) for tool in self.tools], format="csr")
+            self._matrix = AppendedMatrix(bulk, self._owned(pattern), comm)
+        self._matrix.fill(columns, corner)
+        x = self.workpiece.increment.x
+        self._increment = self._matrix.solve(b, np.concatenate(self.residuals()), x.petsc_vec)
+        x.scatter_forward()
+
+    def _owned(self, local: sp.csr_matrix) -> sp.csr_matrix:
+        """Rows (local dofs, n) summed over the ranks that share a dof, (owned dofs, n). Collective."""
+        body, comm = self.workpiece, self.workpiece.nodes.comm
+        if comm.size == 1:
+            local.sum_duplicates()
+            return local
+        index_map = body.space.dofmap.index_map
+        ghosts = local[body.owned:].tocoo()
+        rows = index_map.ghosts[ghosts.row] if ghosts.nnz else np.empty(0, np.int64)
+        rows, across, values = (np.concatenate(parts) for parts in
+                                zip(*comm.allgather((rows, ghosts.col, ghosts.data)), strict=True))
+        first, end = index_map.local_range
+        mine = (rows >= first) & (rows < end)
+        found = sp.csr_matrix((values[mine], (rows[mine] - first, across[mine])), shape=(body.owned, local.shape[1]))
+        found = (local[:body.owned] + found).tocsr()
+        found.sum_duplicates()
+        return found
+
+    def _pattern(self, tool: KnownTool) -> sp.csr_matrix:
+        """Which unknowns of the workpiece a motion may meet: those of the points over its sides and the ones beside, so
+        that sliding changes the pattern rarely."""
+        onto = self._onto_free.astype(bool).astype(float)
+        dim = self.workpiece.nodes.dim
+        points = sp.kron(sp.identity(onto.shape[1] // dim), np.ones((dim, dim)), format="csr")
+        return sp.csr_matrix(onto @ (points @ tool.free.reached()))
+
+
+class AppendedMatrix:
+    """A matrix with dense rows and columns behind those of its last rank, on a pattern that stays, and its factorisation.
+
+    Parameters
+    ----------
+    bulk : the matrix of the workpiece · pattern : (owned rows, n) entries that the columns may have
+    """
+
+    def __init__(self, bulk: PETSc.Mat, pattern: sp.csr_matrix, comm):
+        from .linear import DirectSolver
+
+        self._bulk, self._comm, self.count = bulk, comm, pattern.shape[1]
+        self._is_last = comm.rank == comm.size - 1
+        first, size, n = bulk.getOwnershipRange()[0], bulk.getSize()[0], self.count
+        starts, across, _ = bulk.getValuesCSR()
+        self._keys = _keys(pattern)
+        behind = size + self._keys % n
+        widths = np.diff(starts) + np.diff(pattern.indptr)
+        self._bulk_at = np.arange(len(across)) + np.repeat(pattern.indptr[:-1], np.diff(starts))
+        self._border_at = np.arange(len(behind)) + np.repeat(starts[1:], np.diff(pattern.indptr))
+        columns = np.empty(len(across) + len(behind), dtype=PETSc.IntType)
+        columns[self._bulk_at], columns[self._border_at] = across, behind
+        keys = comm.gather(self._keys + first * n, root=comm.size - 1)
+        if self._is_last:
+            rows, motions = np.divmod(np.concatenate(keys), n)
+            self._turned = np.lexsort((rows, motions))
+            per_motion = np.bincount(motions, minlength=n)
+            below = np.cumsum(per_motion)
+            self._turned_at = len(columns) + np.arange(len(rows)) + n * motions[self._turned]
+            self._corner_at = (len(columns) + below[:, None] + n * np.arange(n)[:, None] + np.arange(n)).ravel()
+            columns = np.concatenate([columns, np.empty(len(rows) + n * n, dtype=PETSc.IntType)])
+            columns[self._turned_at] = rows[self._turned]
+            columns[self._corner_at] = np.tile(size + np.arange(n), n)
+            widths = np.concatenate([widths, per_motion + n])
+        own = len(widths)
+        self._pattern = np.append(0, np.cumsum(widths)).astype(PETSc.IntType), columns
+        self._values = np.ones(len(columns))
+        create = PETSc.Mat().createAIJWithArrays if comm.size == 1 else PETSc.Mat().createAIJ
+        csr = (*self._pattern, self._values)
+        self.petsc = create((own, own), csr, comm=comm) if comm.size == 1 else \
+            create(((own, None), (own, None)), csr=csr, comm=comm)
+        self._right, self._found = self.petsc.createVecs()
+        self._solver = DirectSolver(self.petsc)
+
+    def holds(self, bulk: PETSc.Mat, columns: sp.csr_matrix, count: int) -> bool:
+        """Whether these blocks have a place in the pattern, as far as this rank knows."""
+        return self._bulk is bulk and self.count == count and bool(np.isin(_keys(columns), self._keys).all())
+
+    def fill(self, columns: sp.csr_matrix, corner: np.ndarray) -> None:
+        """Values of the blocks, that of the workpiece as it is now. Collective."""
+        border = np.zeros(len(self._keys))
+        border[np.searchsorted(self._keys, _keys(columns))] = columns.data
+        self._values[self._bulk_at] = self._bulk.getValuesCSR()[2]
+        self._values[self._border_at] = border
+        parts = self._comm.gather(border, root=self._comm.size - 1)
+        if self._is_last:
+            self._values[self._turned_at] = np.concatenate(parts)[self._turned]
+            self._values[self._corner_at] = corner.ravel()
+        if self._comm.size == 1:
+            self.petsc.stateIncrease()
+        else:
+            self.petsc.setValuesCSR(*self._pattern, self._values)
+            self.petsc.assemble()
+
+    def solve(self, b: PETSc.Vec, right: np.ndarray, x: PETSc.Vec) -> np.ndarray:
+        """Factorise, and solve for the unknowns of the workpiece into ``x``; those behind them on all ranks. Collective."""
+        self._solver.factorise()
+        n = b.getLocalSize()
+        self._right.array[:n] = b.array_r[:n]
+        if self._is_last:
+            self._right.array[n:] = right
+        self._solver.solve(self._right, self._found)
+        x.array[:n] = self._found.array_r[:n]
+        return total(self._comm, self._found.array_r[n:].copy() if self._is_last else np.zeros(len(right)))
+
+
+def _keys(columns: sp.csr_matrix) -> np.ndarray:
+    """Rows and columns of the entries as rising numbers."""
+    rows = np.repeat(np.arange(columns.shape[0]), np.diff(columns.indptr))
+    return rows * np.int64(columns.shape[1]) + columns.indices
 
 
 def trace_operator(workpiece) -> sp.csr_matrix:

@@ -53,6 +53,10 @@ class FlowSolver:
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
+    def renew_border(self) -> None:
+        """Motions of tools have become unknowns, or given."""
+        self.border = _border(self.workpiece)
+
     # ------------------------------------------------------------------ one solve
     def solve(self, *, strain: np.ndarray, characteristic_rate: float, temperature=None, touching: float = 1e-6,
               step: float | None = None) -> FlowSolution:
@@ -275,9 +279,10 @@ class FlowSolver:
 
     def _linear_solve(self):
         start = perf_counter()
-        self.system.solve(self.b)
-        if self.border is not None:
-            self.border.solve(self.system)
+        if self.border is None:
+            self.system.solve(self.b)
+        else:
+            self.border.solve(self.system, self.b)
         self.seconds["linear solve"] += perf_counter() - start
 
     def _satisfied(self) -> bool:
@@ -297,10 +302,11 @@ class FlowSolver:
 
 def _border(workpiece: Workpiece):
     """The unknown motions of its tools in the system of a workpiece; None where all motions are given."""
-    if workpiece.contact is None or all(tool.free is None for tool in workpiece.contact.tools):
+    if workpiece.contact is None or not any(tool.is_sought for tool in workpiece.contact.tools):
         return None
-    from .bordering import Border
-    return Border(workpiece)
+    from .bordering import AppendedBorder, Border
+    many = any(tool.is_sought and tool.free.deforms for tool in workpiece.contact.tools)
+    return AppendedBorder(workpiece) if many else Border(workpiece)
 
 
 def _relative(force: np.ndarray, before: np.ndarray) -> float:

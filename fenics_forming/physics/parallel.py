@@ -32,6 +32,11 @@ def _reduced(comm, value, operation):
     return result if np.ndim(value) else float(result[0])
 
 
+def everywhere(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
+    """The rows of all ranks, one after the other, on every rank. Collective."""
+    return np.concatenate(comm.allgather(rows)) if comm.size > 1 else rows
+
+
 def on_first_rank(comm: MPI.Comm, action):
     """What ``action()`` returns on rank 0, None elsewhere; a `MeshError` there is raised on every rank. Collective."""
     answer = problem = None

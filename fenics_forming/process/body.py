@@ -95,6 +95,13 @@ class FlowingBody:
         for tool in self.tools:
             if tool.free is not None:
                 tool.free.settle(time)
+            if tool.deformation is not None:
+                tool.deformation.settle()
+
+    @property
+    def deformations(self) -> list:
+        """Of the tools that yield (``process.tool_deformation``)."""
+        return [tool.deformation for tool in self.tools if tool.deformation is not None]
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None:
         """Move the tools to ``time`` and put boundary nodes that have sunk into one back onto it; nodes of mirror planes
@@ -271,13 +278,18 @@ class FlowingBody:
             self._follow_speed()
         solve = partial(self.solver.solve, strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                         step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
+        border = self.solver.border
+        once = lambda: (solve() if border is None else border.solved(solve)).iterations  # noqa: E731
         try:
-            found = solve() if self.solver.border is None else self.solver.border.solved(solve)
+            iterations = once()
+            if self.deformations and ahead == 1.0:       # only those that take the tools along
+                from .tool_deformation import agree
+                iterations += agree(self, once)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
         if self.inertia is not None:
             self.inertia.found(self, time, halfway=gaps is not None)
-        return Flow(self.workpiece.velocity, self.rates(history), found.iterations)
+        return Flow(self.workpiece.velocity, self.rates(history), iterations)
 
     def _follow_speed(self) -> None:
         """Let the flow of the solve before start the next one faster or slower, as the tools have become: on a crank, whose
@@ -394,7 +406,7 @@ class FlowingBody:
 
     def snapshot(self) -> tuple:
         """Everything that a failed step must give back."""
-        motions = [(t.motion, t.traction, None if t.free is None else t.free.memory()) for t in self.tools]
+        motions = [(t.motion, t.traction, _state_of(t)) for t in self.tools]
         states = [[a.copy() for a in vars(state).values()] for state in self._states]
         w = self.workpiece
         moving = None if self.inertia is None else self.inertia.snapshot()
@@ -419,17 +431,49 @@ class FlowingBody:
         w.solution.x.array[:], w.tau[:], w.is_cold, w.last_rate = solution, tau, cold, last_rate
         for tool, (motion, traction, free) in zip(self.tools, motions, strict=True):
             tool.motion, tool.traction = motion, traction
-            if free is not None:
+            if tool.deformation is not None:
+                tool.deformation.restore(self, free)
+            elif free is not None:
                 tool.free.remember(free)
         for state, arrays in zip(self._states, states, strict=True):
             for name, value in zip(vars(state), arrays, strict=True):
                 setattr(state, name, value.copy())
+
+    def follow_tools(self, time: float, ahead: float) -> float:
+        """Tools that are solved at the end of a step, at ``time``, have deformed: contact knows of it, and nodes that are
+        pressed are put onto those that carry them. The change of volume, mm³. Collective."""
+        carried = {}
+        for tool in self.tools:
+            if tool.deformation is not None and tool.deformation.carries_the_surface:
+                on = self._pressed_nodes().get(tool.name, np.zeros(len(self.x), bool))[self.boundary]
+                carried[tool.name] = self.boundary[on & (tool.gap(self.x[self.boundary])[0] <= self.reach)]
+        changed = [t.name for t in self.tools if t.deformation is not None and t.deformation.end(self, time)]
+        if not changed:
+            return 0.0
+        self.move_tools(time)
+        before = self.x.copy()
+        for tool in self.tools:
+            if tool.name in changed and tool.name in carried:
+                every = {tool.name: np.ones(len(self.x), bool)}
+                put_on_tools(self.x, [tool], carried[tool.name], every, np.inf)
+        inside = np.ones(len(self.x), bool)
+        inside[self.boundary] = False
+        self.x[inside] += self.nodes.with_mids(self.x - before)[inside]      # mid-nodes half-way with their ends
+        self.search(ahead)
+        return self.free_surface.volume(self.x) - self.free_surface.volume(before) if self.free_surface else 0.0
 
     @property
     def _states(self) -> list:
         """The states of all contact points, of tools and of pairs of bodies."""
         between = [] if self.interfaces is None else [contact.state for contact in self.interfaces.contacts]
         return [tool.state for tool in self.tools] + between
+
+
+def _state_of(tool):
+    """What a tool that moves or deforms by itself must give back; None of others."""
+    if tool.deformation is not None:
+        return tool.deformation.snapshot()
+    return None if tool.free is None else tool.free.memory()
 
 
 def motion_of(drive, time: float, dim: int) -> ToolMotion:

@@ -11,7 +11,8 @@ class VolumeLedger:
     """Volume against that of the start, which a rigid-plastic body keeps, and what has changed it.
 
     What is booked has its cause: "corners", nodes that had sunk into tools were put back; "remeshing"; "given back", by
-    an offset of the free surface. The rest is left to "integration", the motion of the nodes in time.
+    an offset of the free surface; "tools", nodes went along with tools that had deformed. The rest is left to
+    "integration", the motion of the nodes in time.
 
     Parameters
     ----------
@@ -29,7 +30,7 @@ class VolumeLedger:
     def book(self, changes: dict[str, float]) -> None:
         """Add changes of volume, mm³, by cause."""
         for cause, change in changes.items():
-            self.booked[cause] += change / self.start
+            self.booked[cause] = self.booked.get(cause, 0.0) + change / self.start
 
     def memory(self) -> dict:
         """What a run that is resumed must know."""

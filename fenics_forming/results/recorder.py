@@ -102,7 +102,9 @@ class Recorder:
 
     def news(self) -> list[str]:
         """What a user wants to hear of the last step, one sentence each."""
-        return self.bodies.damage_news(self.row) + self.run.folds.news() + self.run.body.solver.system.news()
+        said = [sentence for deformation in self.run.deforming for sentence in deformation.news()]
+        return self.bodies.damage_news(self.row) + self.run.folds.news() + \
+            self.run.body.solver.system.news() + said
 
     def _look_for_folds(self, step: int, *, now: bool = False) -> None:
         start = perf_counter()
@@ -119,6 +121,8 @@ class Recorder:
         for tool in body.tools:
             if tool.motion.centre is not None:
                 row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self.bodies.copies()
+        for deformation in run.deforming:
+            row |= deformation.row()
         row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
         if self.heat is not None:

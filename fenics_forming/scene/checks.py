@@ -12,6 +12,7 @@ from .library import library_warnings
 from .mesh_checks import mesh_problems, mesh_warnings
 from .placement import placement_problems, placement_warnings
 from .solid_checks import body_names, solid_problems, solids_of, tool_point_problems
+from .tool_modes import tool_mode_problems, tool_mode_warnings
 from .tools_alone import tools_alone_problems, tools_alone_warnings
 
 _HEAT = ("conductivity", "specific_heat", "plastic_heat_fraction")
@@ -39,11 +40,11 @@ def check(scene):
         problems = [*_law_problems(scene), *_step_problems(scene), *inertia_problems(scene)] if scene.process.flow else \
             [*flowless_problems(scene)]
         problems += [*mesh_problems(scene), *placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
-        problems += [*_solver_problems(scene), *tool_point_problems(scene)]
+        problems += [*_solver_problems(scene), *tool_point_problems(scene), *tool_mode_problems(scene)]
     if problems:
         raise SceneError.joined(problems)
     return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
-            *library_warnings(scene), *heat_warnings(scene)]
+            *library_warnings(scene), *heat_warnings(scene), *tool_mode_warnings(scene)]
 
 
 def _name_problems(scene):
@@ -191,12 +192,13 @@ def _unused(scene):
     used = {body.material for body in scene.workpieces.values()} | tools
     if scene.computes_heat:
         used |= {tool_material(scene, name) for name in scene.tools}
+    deform = {solid.material for name, _, _, solid in solids_of(scene) if name in scene.deforming_tools}
     for name, material in scene.materials.items():
         if name not in used:
             yield f"materials.{name}: no body is made of it"
             continue
         unused = [] if scene.computes_heat else [(_HEAT, "temperatures are not computed")]
-        unused += [] if name in tools else [(_ELASTIC, "elastic strains are not computed")]
+        unused += [] if name in deform else [(_ELASTIC, "elastic strains are not computed")]
         for keys, why in unused:
             for key in keys:
                 if material.wrote(key) and getattr(material, key) is not None:

@@ -324,6 +324,23 @@ class Scene(Described):
         return next(iter(self.workpieces))
 
     @property
+    def deforming_tools(self):
+        """Names of the tools that deform while something is formed: all their materials have elastic constants."""
+        if self.is_tools_alone or self.process.tool_deformation == "rigid":
+            return []
+        return [name for name, tool in self.tools.items() if tool.has_body and all(
+            getattr(self.materials[solid.material], key) is not None
+            for solid in tool.solids(name).values() for key in ("young", "poisson"))]
+
+    @property
+    def yielding_tools(self):
+        """Names of the tools that deform or are on a press frame that does."""
+        if self.process.tool_deformation == "rigid":
+            return []
+        return [name for name, tool in self.tools.items() if name in self.deforming_tools
+                or getattr(tool.drive, "stiffness", None) is not None]
+
+    @property
     def is_tools_alone(self):
         """Whether nothing is formed: deformable tools under loads of their own."""
         return not self.workpieces

@@ -20,6 +20,10 @@ def _at_least_one(value):
 CountFromOne = Annotated[Count, AfterValidator(_at_least_one)]
 
 
+TOOL_MODES = ("stress_only", "separate", "coupled", "iterated")
+ToolMode = Literal["stress_only", "separate", "coupled", "iterated", "rigid"]
+
+
 class Shifting(Described):
     """How the material is moved in a step.
 
@@ -74,6 +78,9 @@ class Process(Described):
     remeshing and, so that little is due then, after every step; "each_step", also without; false, never.
     inertia : whether acceleration takes force. weight : whether gravity acts, along the negative z (in plane strain y).
     Both need the density of the material.
+    tool_deformation : how tools whose material has elastic constants deform: "iterated" within every solve (the default),
+    "coupled" with the velocity of the last tool step, "separate" after every tool step, "stress_only" without an effect
+    on the workpiece, or "rigid", not at all. tool_guard : "coupled" falls back to "iterated" where it is not stable.
     flow : false where nothing is formed: heat alone, until a time. heat : whether temperatures are computed; if not given,
     where something asks for it (air, heat_exchange, plastic_heat_fraction, flow = false).
     """
@@ -83,6 +90,8 @@ class Process(Described):
     ] = None
     substeps: CountFromOne | None = None
     volume_constancy: Annotated[bool | Literal["each_step"], BeforeValidator(_volume_constancy), _VOLUME_SCHEMA] = True
+    tool_deformation: ToolMode = "iterated"
+    tool_guard: Flag = True
     inertia: Flag = False
     weight: Flag = False
     flow: Flag = True
@@ -148,6 +157,24 @@ _LOADS_SCHEMA = WithJsonSchema({"anyOf": [{"type": "integer"}, {"type": "array"}
 LoadSteps = Annotated[Any, BeforeValidator(_load_steps), _LOADS_SCHEMA]
 
 
+class ToolStep(Described):
+    """When tools that deform are solved again: as soon as one of these has passed since they were.
+
+    Parameters
+    ----------
+    time : s. deflection : mm, of the largest displacement on the surface, estimated from the force.
+    """
+
+    time: Positive(Time) | None = None
+    deflection: Positive(Length) | None = None
+
+    @model_validator(mode="after")
+    def _any(self):
+        if self.time is None and self.deflection is None:
+            raise at_key("", "is empty; expected 'time', 'deflection' or both")
+        return self
+
+
 class Steps(Described):
     """How the process is cut into steps.
 
@@ -157,6 +184,8 @@ class Steps(Described):
     their full loads, or the list of load factors to go through; exactly one of them. tool : name of the tool whose
     stroke counts, the first driven one if not given. adaptive : true, or a table with the keys of `Adaptive`.
     scheme : how the material is moved in a step, one of `SCHEMES`; "implicit" is the midpoint scheme, solved again.
+    tool_every : steps between two solutions of the tools that deform, in the modes "coupled" and "separate"; or tool_step,
+    a table with the keys of `ToolStep`.
     """
 
     stroke: Positive(Length) | None = None
@@ -167,6 +196,8 @@ class Steps(Described):
         Adaptive | None, BeforeValidator(_adaptive, json_schema_input_type=bool | Adaptive | None)
     ] = None
     tool: str | None = None
+    tool_every: CountFromOne = 1
+    tool_step: ToolStep | None = None
 
     @model_validator(mode="after")
     def _one_size(self):
@@ -176,6 +207,8 @@ class Steps(Described):
         if len(given) > 1:
             sentence = f"is given together with '{given[0]}'; the size of a step is one of them"
             raise at_key(given[1], sentence, getattr(self, given[1]))
+        if self.tool_step is not None and "tool_every" in self.model_fields_set:
+            raise at_key("tool_step", "is given together with 'tool_every'; give one of them", self.tool_step)
         return self
 
 

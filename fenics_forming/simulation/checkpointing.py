@@ -29,7 +29,9 @@ def save(run, path: Path, state: State) -> None:
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "rams": run.body.rams.memory(),
-        "free": {tool.name: tool.free.memory() for tool in run.body.tools if tool.free is not None},
+        "free": {tool.name: tool.free.memory() for tool in run.body.tools
+                 if tool.free is not None and tool.deformation is None},
+        "deforming": {d.name: d.memory() for d in run.deforming},
         "size": run.body.size, "reach": run.body.reach, "scheme": numbers,
         "meshing": None if run.keeper is None else run.keeper.memory()},
         nodal={"velocity": w.velocity, "mean_stress": w.mean_stress,
@@ -52,8 +54,11 @@ def resumed(run, checkpoint: Checkpoint) -> State:
                                            if name.startswith("scheme.")})
     body.speed = saved["speed"]
     body.rams.remember(saved["rams"])
+    deforming = {d.name: d for d in run.deforming}
     for tool in body.tools:
-        if tool.free is not None:
+        if tool.name in deforming:
+            deforming[tool.name].remember(body, saved["deforming"][tool.name])
+        elif tool.free is not None:
             tool.free.remember(saved["free"][tool.name])
     if body.contact is not None:
         body.contact.reference = saved["penalty"]

@@ -53,6 +53,7 @@ class Simulation:
         self.warnings = check(scene)
         tools, self.drives = known_tools(scene), drives_of(scene)
         equip(scene, tools, self.drives)
+        self.deforming = self._deforming(tools)
         self._saved = load_checkpoint(resume) if resume is not None else None
         body = self._placed(tools)
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]
@@ -102,6 +103,13 @@ class Simulation:
         return self.stepper.solves
 
     # ------------------------------------------------------------------ building
+    def _deforming(self, tools) -> list:
+        """What makes tools deform or yield, their meshes included; nothing where there are none."""
+        if not self.scene.yielding_tools:
+            return []
+        from ..process.tool_deformation import yielding_tools
+        return yielding_tools(self.scene, tools, self.comm)
+
     def _placed(self, tools) -> FlowingBody:
         """The mesh, new or as it was saved, and what flows on it between the tools."""
         scene, saved = self.scene, self._saved

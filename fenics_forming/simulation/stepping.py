@@ -140,6 +140,8 @@ class Stepper:
         """The state after a step of ``dt``, the solves it took, and its error estimate, mm."""
         body, scheme = self.body, self.scheme
         travels = body.workpiece.is_cold
+        for deformation in body.deformations:
+            deformation.begin(body, dt)
         start = body.rams.begin(state.flow, dt)
         gathering = body.gathering(state.history)
         end = self._travel(gathering, state.time + dt) if travels else \
@@ -159,7 +161,14 @@ class Stepper:
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         if heat is not None:
             flow = drifting(flow, heat)
+        if body.deformations:
+            changes = self._follow_tools(time, ahead, changes)
         return State(state.step + 1, time, history, flow, ahead, changes, heat), 1 + end.solves, end.error
+
+    def _follow_tools(self, time: float, ahead: float, changes: dict) -> dict:
+        """Tools that are solved now and then; the changes of volume with that by which they took the surface along."""
+        change = self.body.follow_tools(time, self.scheme.look_ahead * ahead)
+        return changes | {"tools": change} if change and not self.scene.is_assembled else changes
 
     def _account_for_volume(self) -> dict[str, float]:
         """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""

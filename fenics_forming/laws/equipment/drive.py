@@ -5,7 +5,7 @@ import math
 import numpy as np
 from pydantic import model_validator
 
-from ...units import AngularSpeed, Length, Number, Vector
+from ...units import AngularSpeed, Length, Number, Positive, Stiffness, Vector
 from ..described import Described, at_key
 
 UP = (0.0, 0.0, 1.0)
@@ -109,9 +109,11 @@ class Drive(Described):
 
 
 class Translation(Drive):
-    """A drive that translates the tool and may turn it too."""
+    """A drive that translates the tool and may turn it too; ``stiffness`` is that of the press frame, N/mm (in plane strain
+    per mm of thickness), by which the tool yields along the direction of the drive."""
 
     rotation: Spin | None = None
+    stiffness: Positive(Stiffness) | None = None
 
     def angular_velocity(self, time):
         return self.rotation.speed if self.rotation else 0.0

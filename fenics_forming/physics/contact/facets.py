@@ -82,6 +82,10 @@ class ContactFacets:
         return self._at_points((self.dim, self.dim), "contact_tangent")
 
     @property
+    def comm(self):
+        return self._nodes.comm
+
+    @property
     def axisymmetric(self) -> bool:
         return self._kinematics.name == "axisymmetric"
 

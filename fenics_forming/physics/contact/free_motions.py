@@ -33,11 +33,13 @@ class FreeMotions:
     rate : (n,) mm/s or rad/s, found by the solve and the start of the next · force : (n,) N or N mm, given
     displacement, velocity : (n,) at the time ``since``, s · horizon : of the last solve, s · now : its time, s
     reaction : (n,) N, Q of the solve at ``since``, to extrapolate from; None where it does not go on smoothly
+    given : whether the rates are given, and no unknowns of the solve · earlier : (n,) displacement when they were found
     basis : (points · dim, n) the motions at the contact points
     resistance, load : (n, n) and (n,) of the next solve: resistance · rate = load - reaction of the body
     """
 
     follows_drive = True     # whether the drive's own velocity tells how fast the tool is
+    deforms = False     # whether they are those of a surface, of which a point meets but a few
 
     def __init__(self, count: int, *, stiffness=0.0, mass=0.0, force=0.0, velocity=0.0):
         stiffness = np.asarray(stiffness, float)
@@ -48,7 +50,7 @@ class FreeMotions:
         self.since, self.now, self.horizon, self.count = 0.0, 0.0, 1.0, count
         self.reaction: np.ndarray | None = None
         self._implicit = 0.5 if self.mass.any() else 1.0
-        self.basis = None
+        self.basis, self.given, self.earlier = None, False, np.zeros(count)
 
     # ------------------------------------------------------------------ in time
     def at(self, time: float) -> np.ndarray:
@@ -88,21 +90,30 @@ class FreeMotions:
         """Rates over the prepared horizon where no body opposes them, (n,); the present ones of what nothing resists."""
         return self.rate + np.linalg.pinv(self.resistance) @ (self.load - self.resistance @ self.rate)
 
+    def under(self, reaction: np.ndarray) -> np.ndarray:
+        """Displacements under a lasting reaction of the body, Q (n,) N, with the present stiffness: (n,)."""
+        return np.linalg.solve(self.stiffness, self.force - reaction)
+
     def velocities(self, rate: np.ndarray | None = None) -> np.ndarray:
         """Of the tool's surface by these motions at the contact points, (points, dim), mm/s."""
         dim = self._dim
         return np.asarray(self.basis @ (self.rate if rate is None else rate)).reshape(-1, dim)
+
+    def reached(self) -> np.ndarray:
+        """Which motions the contact points may meet before the pairing is found anew, (points · dim, n)."""
+        return np.ones(self.basis.shape)
 
     # ------------------------------------------------------------------ going back
     def memory(self) -> dict[str, np.ndarray | float]:
         """The state, to give back to :meth:`remember` or to write to a checkpoint."""
         return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy(), "rate": self.rate.copy(),
                 "force": self.force.copy(), "since": self.since, "now": self.now, "horizon": self.horizon,
-                "reaction": self.reaction}
+                "reaction": self.reaction, "given": self.given, "earlier": self.earlier.copy()}
 
     def remember(self, memory) -> None:
         """Take over what :meth:`memory` gave."""
-        for name in ("displacement", "velocity", "rate", "force"):
+        self.given = bool(memory["given"])
+        for name in ("displacement", "velocity", "rate", "force", "earlier"):
             setattr(self, name, np.array(memory[name], float))
         self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
         self.reaction = None if memory["reaction"] is None else np.array(memory["reaction"], float)
@@ -134,8 +145,8 @@ class RigidMotions(FreeMotions):
         return replace(motion, displacement=motion.displacement + u[:k] @ self.directions,
                        angle=motion.angle + (u[k] if self.rotates else 0.0))
 
-    def search(self, points: np.ndarray, motion) -> None:
-        """The motions at points in space, (points, dim), with the tool where it is."""
+    def search(self, points: np.ndarray, motion, gap=None, normal=None) -> None:
+        """The motions at points in space, (points, dim), with the tool where it is, at whatever gap."""
         columns = [np.broadcast_to(d, points.shape) for d in self.directions]
         if self.rotates:
             columns.append(motion.spin_at(points))

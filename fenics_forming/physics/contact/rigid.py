@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..parallel import total
 from . import point_law as law
 from .facets import ContactFacets
 from .free_motions import FreeMotions
+
+if TYPE_CHECKING:       # neither sparse matrices nor meshes of tools where no tool deforms
+    from .deformed import DeformedSurface
 
 
 @dataclass
@@ -79,8 +84,8 @@ class KnownTool:
     surface : closest point and normal, in the tool's own frame (``surfaces.py``)
     friction : a law of ``laws.friction`` or None
     motion : where it is now; the controller replaces it
-    free : motions that the solve finds (``free_motions``), or None
-    drive : what moves it, or None
+    free : motions that the solve finds (``free_motions``), or None · deformed : its surface where it deforms, or None
+    drive : what moves it, or None · deformation : what makes it deform (``process.tool_deformation``), or None
     """
 
     name: str
@@ -89,6 +94,8 @@ class KnownTool:
     motion: ToolMotion | None = None
     free: FreeMotions | None = None
     drive: object | None = None
+    deformation: object | None = field(default=None, repr=False)
+    deformed: DeformedSurface | None = None
     state: law.PointState | None = field(default=None, repr=False)
     traction: np.ndarray | None = field(default=None, repr=False)
     tangent: np.ndarray | None = field(default=None, repr=False)
@@ -101,6 +108,11 @@ class KnownTool:
         return [self.state.tool_velocity, self.given_velocity] if follows else [self.state.tool_velocity]
 
     @property
+    def is_sought(self) -> bool:
+        """Whether the solve finds some of its motions."""
+        return self.free is not None and not self.free.given
+
+    @property
     def has_friction(self) -> bool:
         return self.friction is not None and self.friction.law != "none"
 
@@ -110,6 +122,8 @@ class KnownTool:
 
     def gap(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed gap and normal out of the tool at points in space."""
+        if self.deformed is not None:
+            return self.deformed.gap(self.surface, self.motion, points)
         gap, normal = self.surface.closest(self.motion.to_tool(points))
         return gap, self.motion.turn(normal)
 
@@ -222,23 +236,27 @@ class RigidContact:
         self.weights = self.facets.weights()
         for tool in self.tools:
             tool.state.gap, tool.state.normal = tool.gap(self.points)
-            tool.state.tool_velocity = tool.given_velocity = tool.motion.velocity_at(self.points)
+            given, deformed = tool.motion.velocity_at(self.points), tool.deformed
+            if deformed is not None and deformed.v is not None:
+                given = given + deformed.velocity_at(tool.motion, self.points, tool.state.gap, tool.state.normal)
+            tool.state.tool_velocity = tool.given_velocity = given
             if tool.free is not None:
-                tool.free.search(self.points, tool.motion)
+                tool.free.search(self.points, tool.motion, tool.state.gap, tool.state.normal)
                 tool.free.prepare(dt)
                 tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
 
     def let_go(self) -> None:
         """Tools move by themselves as they do where no body opposes them; on the closest points of the last search."""
         for tool in self.tools:
-            if tool.free is not None and tool.free.basis is not None:
+            if tool.free is not None and tool.free.basis is not None and not tool.free.given:
                 tool.free.rate = tool.free.unopposed()
                 tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
 
     def is_loaded(self, touching: float) -> bool:
         """Whether a tool that yields would come nearer where it touches, if nothing opposed it: on this rank."""
         for tool in (t for t in self.tools if t.free is not None):
-            coming = tool.given_velocity + tool.free.velocities(tool.free.unopposed())
+            rate = tool.free.rate if tool.free.given else tool.free.unopposed()
+            coming = tool.given_velocity + tool.free.velocities(rate)
             closing = np.einsum("pi,pi->p", coming, tool.state.normal)
             if ((tool.state.gap <= touching) & (closing > 1e-9 * self._speed)).any():
                 return True
@@ -306,6 +324,11 @@ class RigidContact:
     def force(self, tool: KnownTool) -> np.ndarray:
         """Force of the tool on the body, (dim,), N (N/mm in plane strain; of the full 360° in axisymmetry)."""
         return self.facets.integral(tool.traction * self.weights[:, None])
+
+    def along_motions(self, tool: KnownTool, motions: FreeMotions | None = None) -> np.ndarray:
+        """Forces of the tool on the body along its own motions, or others, ∫ Φᵀt, (n,), N. Collective."""
+        local = (tool.free if motions is None else motions).basis.T @ (self.weights[:, None] * tool.traction).ravel()
+        return total(self.facets.comm, np.asarray(local))
 
     def forces(self) -> np.ndarray:
         """Forces of all tools on the body, (tools, dim), N."""

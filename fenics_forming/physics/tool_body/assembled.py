@@ -7,6 +7,7 @@ Displacements are small, so points and sides are paired once.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,6 +113,16 @@ class AssembledSolver(PlasticSolver):
         self._tangents = self._accepted_tangents
         self._factorise_tangent()
         return compliance(self.body, self._direct, dofs)
+
+    def state(self) -> tuple:
+        """See `PlasticSolver.state`; the contacts of the parts go along."""
+        return (*super().state(), copy.deepcopy([contact.state for contact in self.contacts]))
+
+    def go_back(self, state: tuple) -> None:
+        """Take over what :meth:`state` gave."""
+        for contact, then in zip(self.contacts, state[2], strict=True):
+            contact.state = copy.deepcopy(then)
+        super().go_back(state[:2])
 
     # ------------------------------------------------------------------ contact in Newton's iteration
     def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:

@@ -292,6 +292,17 @@ class PlasticSolver:
         acting[0].axpy(1.0, acting[1])
         return 0.5 * acting[0].dot(moved)
 
+    def state(self) -> tuple:
+        """The accepted state, for :meth:`go_back`: nothing in it is changed any more."""
+        kept = {name: value for name, value in vars(self).items() if name in _STATE}
+        return kept, self.body.held_part
+
+    def go_back(self, state: tuple) -> None:
+        """Take over what :meth:`state` gave."""
+        vars(self).update(state[0])
+        self.body.set_held(state[1])
+        self._take_back()
+
     def _take_back(self) -> None:
         """Back to the accepted state."""
         self.body.displacement.x.array[:] = self._accepted
@@ -321,6 +332,10 @@ class PlasticSolver:
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self.body.add_point_springs(vector)
         return vector
+
+
+_STATE = ("plastic", "force", "external_work", "plastic_work", "thermal_work", "reached", "cuts", "_held", "_largest_force",
+          "_balanced", "_accepted", "_flows", "_accepted_heat", "_accepted_tangents")
 
 
 def _between(start: PETSc.Vec, end: PETSc.Vec, part: float) -> PETSc.Vec:

@@ -1,0 +1,171 @@
+r"""A deformable tool inside the velocity solve: its stiffness condensed to the nodes that contact reaches.
+
+The displacements :math:`u` of these nodes in the frame that moves with the tool are unknown motions
+(``free_motions``) whose shapes are those of the sides, and
+
+.. math:: K_s\,(u-u^*)+f^* = -\int N^T t\,d\Gamma ,\qquad K_s=S^{-1} ,
+
+with the compliance S of ``tool_body.compliance``, one dense symmetric block that never changes while the tool stays elastic
+(:math:`u^*=f^*=0`).  Of a tool that yields or has parts it is the tangent at the forces f* under which it was last solved.
+All other nodes are free of traction; the field inside follows from one back-substitution where somebody asks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..parallel import highest
+from .deformed import DeformedSurface
+from .free_motions import FreeMotions
+from .tool_surface import ToolSurface
+
+ALL = 700       # displacements up to which all that contact could ever reach are unknown from the first touch on
+RINGS = 4       # else the sides around those that it touches: new ones are rarely due
+REACH = 0.5     # of the length of a side: gaps up to which a point counts as near
+
+
+class ElasticMotions(FreeMotions):
+    """The displacements of the surface of a tool as unknowns of the solve.
+
+    Parameters
+    ----------
+    surface : `ToolSurface` · comm : of the tool
+    compliance : f(dofs (k,)) → (k, k) mm/N, of the modelled part. Collective
+    at_rest : (n, dim) mm, displacements without contact, None where there are none
+    frame : direction (dim,) and stiffness, N/mm, of a press frame in series, or None
+
+    Attributes
+    ----------
+    unknown : (count,) rows of the displacements of the surface, (n · dim,)
+    deformed : `DeformedSurface`, the displacements now
+    """
+
+    def __init__(self, surface: ToolSurface, comm, compliance, *, frame: tuple[np.ndarray, float] | None = None,
+                 at_rest: np.ndarray | None = None):
+        self.surface, self._comm, self._compliance, self._frame = surface, comm, compliance, frame
+        self.deformed, self._dim = DeformedSurface(surface), surface.dim
+        self.unknown = np.empty(0, dtype=np.int64)
+        self.solved_at = np.zeros((2, surface.count * surface.dim))      # u* and f*
+        if at_rest is not None:
+            self.solved_at[0] = at_rest.ravel()
+        super().__init__(0)
+
+    deforms = True
+
+    # ------------------------------------------------------------------ which nodes are unknown
+    def _reach_for(self, nodes: np.ndarray) -> None:
+        """Make nodes (n,) bool unknowns, and those around them. Collective."""
+        nodes = highest(self._comm, nodes.astype(float)) > 0
+        free, dim = self.surface.free.ravel(), self._dim
+        if np.isin(np.flatnonzero(np.repeat(nodes, dim) & free), self.unknown).all():
+            return
+        wanted = free.copy() if free.size <= ALL else free & np.repeat(self.surface.around(nodes, RINGS), dim)
+        wanted[self.unknown] = True
+        self._take(np.flatnonzero(wanted))
+
+    def _take(self, unknown: np.ndarray) -> None:
+        """Other unknowns, the present ones among them; new nodes are where they are without traction. Collective."""
+        S = self._compliance(self.surface.dofs.ravel()[unknown])
+        if self._frame is not None:
+            along = np.asarray(self._frame[0], float)[unknown % self._dim]
+            S = S + np.outer(along, along) / self._frame[1]
+        old, K = np.searchsorted(unknown, self.unknown), self.stiffness
+
+        def carried(values: np.ndarray) -> np.ndarray:
+            return S[:, old] @ (K @ values)
+
+        now, then = self.solved_at[0, self.unknown], self.solved_at[0, unknown]
+        self.displacement = then + carried(self.displacement - now)
+        self.earlier = then + carried(self.earlier - now)
+        self.rate, self.velocity = carried(self.rate), carried(self.velocity)
+        for name in ("force", "mass", "reaction"):
+            values = getattr(self, name)
+            if values is not None:
+                setattr(self, name, np.zeros(len(unknown)))
+                getattr(self, name)[old] = values
+        self.unknown, self.count = unknown, len(unknown)
+        self.stiffness = np.linalg.inv(S)
+        self.stiffness = 0.5 * (self.stiffness + self.stiffness.T)
+
+    def _start_with(self, unknown: np.ndarray) -> None:
+        """These unknowns, at rest. Collective."""
+        self.unknown, self.count, self.reaction = np.empty(0, dtype=np.int64), 0, None
+        for name in ("displacement", "earlier", "rate", "velocity", "force", "mass"):
+            setattr(self, name, np.zeros(0))
+        self.stiffness = np.zeros((0, 0))
+        self._take(unknown)
+
+    def refresh(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """The tool has been solved: displacements and forces (n, dim) of its surface, and a new compliance. Collective."""
+        settled = self.displacement, self.rate, self.velocity, self.earlier
+        self.solved_at = np.stack([displacement.ravel(), force.ravel()])
+        self._take(self.unknown)
+        self.displacement, self.rate, self.velocity, self.earlier = settled
+
+    # ------------------------------------------------------------------ in a solve
+    def moved(self, motion, time: float):
+        """The motion of the drive as it is; the surface is displaced as it is at a time."""
+        self.now = time
+        self.deformed.u.ravel()[:] = self.solved_at[0]
+        self.deformed.u.ravel()[self.unknown] = self.at(time)
+        return motion
+
+    def search(self, points: np.ndarray, motion, gap: np.ndarray, normal: np.ndarray) -> None:
+        """The motions opposite to points in space, (points, dim), which have these gaps and normals. Collective."""
+        near = gap <= REACH * self.surface.size
+        whole = self.deformed.interpolation(motion, points, gap, normal, near)
+        self._reach_for(np.bincount(whole.indices // self._dim, minlength=self.surface.count) > 0)
+        self._whole, self.basis = whole, whole[:, self.unknown]
+
+    def reached(self) -> sp.csr_matrix:
+        """See `FreeMotions.reached`: the nodes of the sides that points are over and of those beside them."""
+        return self.surface.beside(self._whole)[:, self.unknown]
+
+    def prepare(self, horizon: float) -> None:
+        """See `FreeMotions.prepare`, with the forces under which the tool was last solved."""
+        given = self.force
+        at, force = self.solved_at[:, self.unknown]
+        self.force = given + self.stiffness @ at - force
+        super().prepare(horizon)
+        self.force = given
+
+    def unopposed(self) -> np.ndarray:
+        """Rates that take the tool to its state without traction over the prepared horizon, (n,)."""
+        at, force = self.solved_at[:, self.unknown]
+        rest = at + np.linalg.solve(self.stiffness, self.force - force) if self.force.any() or force.any() else at
+        return (rest - self.displacement) / self.horizon
+
+    def under(self, reaction: np.ndarray) -> np.ndarray:
+        """See `FreeMotions.under`."""
+        at, force = self.solved_at[:, self.unknown]
+        return at + np.linalg.solve(self.stiffness, self.force - reaction - force)
+
+    def memory(self) -> dict[str, np.ndarray | float]:
+        """See `FreeMotions.memory`."""
+        return super().memory() | {"unknown": self.unknown.copy(), "solved_at": self.solved_at.copy()}
+
+    def remember(self, memory) -> None:
+        """See `FreeMotions.remember`; nodes that are unknown by now stay so."""
+        unknown = np.array(memory["unknown"], dtype=np.int64)
+        later = np.union1d(unknown, self.unknown) if self.count else unknown
+        solved_at = np.array(memory["solved_at"], float)
+        if not np.array_equal(unknown, self.unknown) or not np.array_equal(solved_at, self.solved_at):
+            self.solved_at = solved_at
+            self._start_with(unknown)
+        super().remember(memory)
+        if len(later) > len(unknown):
+            self._take(later)
+
+    def frame_yields(self, forces: np.ndarray) -> np.ndarray:
+        """Displacement of the whole tool by the press frame under forces (n, dim) on its surface, (dim,), mm."""
+        if self._frame is None:
+            return np.zeros(self._dim)
+        direction, stiffness = self._frame
+        return np.asarray(direction) * float(forces.sum(axis=0) @ direction) / stiffness
+
+    def on_surface(self, on_unknowns: np.ndarray) -> np.ndarray:
+        """Values (count,) of the unknowns, zero elsewhere, (n, dim)."""
+        out = np.zeros(self.surface.count * self._dim)
+        out[self.unknown] = on_unknowns
+        return out.reshape(-1, self._dim)

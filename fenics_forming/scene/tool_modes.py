@@ -1,0 +1,71 @@
+"""Whether tools that deform with the workpiece, and press frames that yield, make sense in a scene."""
+
+from ..errors import SceneError
+from .solid_checks import deforming_problems, solids_of
+
+
+def tool_mode_problems(scene):
+    """SceneErrors of tools that deform while something is formed, and of their steps."""
+    deforming = scene.deforming_tools
+    yield from deforming_problems(scene, deforming)
+    for name in deforming:
+        tool = scene.tools[name]
+        if not any(solid.held or solid.springs for solid in (tool, *tool.parts.values())):
+            sentence = "is missing; the tool deforms, since its material has elastic constants, and nothing holds it; " \
+                       "name the faces where its drive takes hold, or say process.tool_deformation = 'rigid'"
+            yield SceneError(sentence, key=f"tools.{name}.held", allowed="a table such as { z_high = 'z' }")
+        yield from _mirror_problems(scene, name)
+    given = scene.process.tool_deformation
+    if scene.process.says("tool_deformation") and given != "rigid" and not scene.yielding_tools:
+        sentence = f"'{given}', but no tool deforms; give one a 'material' with 'young' and 'poisson', or its drive a " \
+                   "'stiffness'"
+        yield SceneError(sentence, key="process.tool_deformation", got=given, allowed="a tool that deforms")
+    if given == "rigid":
+        for name, tool in scene.tools.items():
+            if getattr(tool.drive, "stiffness", None) is not None:
+                yield SceneError("yields, but process.tool_deformation is 'rigid'; leave one of them out",
+                                 key=f"tools.{name}.drive.stiffness", got=tool.drive.stiffness)
+    for key in ("tool_every", "tool_step"):
+        if scene.steps.says(key) and not scene.yielding_tools:
+            yield SceneError("is the step of tools that deform, and no tool does", key=f"steps.{key}",
+                             got=getattr(scene.steps, key), allowed="a tool that deforms")
+    if scene.process.says("tool_guard") and given != "coupled":
+        yield SceneError("guards the mode 'coupled' only", key="process.tool_guard", got=scene.process.tool_guard,
+                         allowed="process.tool_deformation = 'coupled'")
+
+
+def _mirror_problems(scene, name):
+    """A body is cut by its mirror planes; a tool that stands across or on one of them must be cut there too."""
+    tool = scene.tools[name]
+    shapes = [solid.shape for where, _, _, solid in solids_of(scene) if where == name]
+    if any(shape.file is not None or not hasattr(shape, "bounds") for shape in shapes):
+        return
+    for body, part in scene.workpieces.items():
+        if part.shape.file is not None:
+            continue
+        for axis in part.symmetry:
+            k = scene.axes.index(axis)
+            plane, low = part.shape.bounds()[0][k], min(shape.bounds()[0][k] for shape in shapes)
+            size = max(shape.bounds()[1][k] for shape in shapes) - low
+            if low <= plane + 1e-6 * size and axis not in tool.symmetry:
+                sentence = f"does not name '{axis}', on which '{body}' has a mirror plane that the tool reaches; a tool " \
+                           "that deforms must be cut there too"
+                yield SceneError(sentence, key=f"tools.{name}.symmetry", got=list(tool.symmetry), allowed=[axis])
+
+
+def tool_mode_warnings(scene):
+    """Sentences on choices that change the results of tools that deform, or have no effect."""
+    names = scene.yielding_tools
+    mode, found = scene.process.tool_deformation, []
+    if not names:
+        return found
+    if mode in ("iterated", "stress_only"):
+        found += [f"steps.{key}: has no effect in the mode '{mode}', in which the tools are solved with every step"
+                  for key in ("tool_every", "tool_step") if scene.steps.says(key)]
+    if mode == "stress_only":
+        found.append("process.tool_deformation: 'stress_only' leaves the deflection of the tools out of the shape of the "
+                     "workpiece")
+    if mode == "separate":
+        found.append("process.tool_deformation: 'separate' puts the surface of the workpiece onto the deformed tools, "
+                     "which makes volume; the share is in the volume ledger")
+    return found
