@@ -22,7 +22,8 @@ def linear_system(workpiece: Workpiece):
     wanted = workpiece.settings.linear
     known = workpiece.nodes.dim == 3 and set(workpiece.tangents) <= KNOWN_TERMS and workpiece.interfaces is None
     unknowns = workpiece.space.dofmap.index_map.size_global
-    if not known or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
+    deforming = workpiece.contact is not None and any(t.deformed is not None for t in workpiece.contact.tools)
+    if not known or deforming or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
         return DirectSystem(workpiece)
     return WithFallback(workpiece)
 

@@ -40,7 +40,7 @@ class Deformation:
         self.mode, self._every, self._step = scene.process.tool_deformation, scene.steps.tool_every, scene.steps.tool_step
         self._guarded = self.mode == "coupled" and scene.process.tool_guard
         self.fallen_back = self._guarded        # first contact is no start for the lagged scheme
-        self.solved_at, self._steps, self._force = 0.0, 0, 0.0
+        self.solved_at, self._steps, self._force, self._sensitivity = 0.0, 0, 0.0, 1.0
         self.deflection, self.reaction = 0.0, np.zeros(0)
         self.stability: Stability | None = None
         self._news: list[str] = []
@@ -65,7 +65,7 @@ class Deformation:
             return
         every = self._every if self._step is None or self._step.time is None else max(1, round(self._step.time / dt))
         change = self._along_force(self.motions.rate * every * dt)
-        self.stability = Stability.of(travel=body.speed * every * dt, sensitivity=rate_sensitivity(body.workpiece),
+        self.stability = Stability.of(travel=body.speed * every * dt, sensitivity=self._sensitivity,
                                       deflection=self.deflection, change=change, every=every)
         if self._guarded and self.fallen_back == self.stability.is_safe:
             self._switch(body, f"travel per tool step over its limits {self.stability.lag:.2g} (rate), "
@@ -90,6 +90,8 @@ class Deformation:
         if self.mode == "iterated":
             self.deflection = self._along_force(motions.displacement)
             return False
+        if self.mode == "coupled" and self._force > 0:
+            self._sensitivity = rate_sensitivity(body.workpiece)
         self._steps += 1
         if not self._is_due(time, before):
             return False
@@ -176,7 +178,7 @@ class Deformation:
     def snapshot(self) -> tuple:
         """What a failed step must give back."""
         return (self.motions.memory(), self.fallen_back, self.solved_at, self._steps, self._force, self.deflection,
-                self.reaction, None if self.tool is None else self.tool.snapshot())
+                self.reaction, self._sensitivity, None if self.tool is None else self.tool.snapshot())
 
     def restore(self, body, snapshot: tuple) -> None:
         """Take over what :meth:`snapshot` gave."""
@@ -184,7 +186,8 @@ class Deformation:
             self.tool.restore(snapshot[-1])
         given = self.motions.given
         self.motions.remember(snapshot[0])
-        self.fallen_back, self.solved_at, self._steps, self._force, self.deflection, self.reaction = snapshot[1:-1]
+        self.fallen_back, self.solved_at, self._steps, self._force, self.deflection, self.reaction, self._sensitivity = \
+            snapshot[1:-1]
         if given != self.motions.given:
             body.solver.renew_border()
 
@@ -193,12 +196,14 @@ class Deformation:
         motions = {name: value.tolist() if isinstance(value, np.ndarray) else value
                    for name, value in self.motions.memory().items()}
         return {"motions": motions, "fallen_back": self.fallen_back, "solved_at": self.solved_at, "steps": self._steps,
-                "force": self._force, "deflection": self.deflection, "reaction": self.reaction.tolist()}
+                "sensitivity": self._sensitivity, "force": self._force, "deflection": self.deflection,
+                "reaction": self.reaction.tolist()}
 
     def remember(self, body, memory: dict) -> None:
         """Take over what :meth:`memory` gave."""
         self.motions.remember(memory["motions"])
         self.fallen_back, self.solved_at, self._steps = memory["fallen_back"], memory["solved_at"], memory["steps"]
+        self._sensitivity = memory["sensitivity"]
         self._force, self.deflection, self.reaction = memory["force"], memory["deflection"], np.array(memory["reaction"])
         body.solver.renew_border()
 

@@ -15,6 +15,9 @@ def tool_mode_problems(scene):
                        "name the faces where its drive takes hold, or say process.tool_deformation = 'rigid'"
             yield SceneError(sentence, key=f"tools.{name}.held", allowed="a table such as { z_high = 'z' }")
         yield from _mirror_problems(scene, name)
+    if deforming and scene.solver.linear == "iterative":
+        yield SceneError("does not know of tools that deform; expected 'direct' or 'auto'", key="solver.linear",
+                         got="iterative", allowed="direct, auto")
     given = scene.process.tool_deformation
     if scene.process.says("tool_deformation") and given != "rigid" and not scene.yielding_tools:
         sentence = f"'{given}', but no tool deforms; give one a 'material' with 'young' and 'poisson', or its drive a " \

@@ -52,7 +52,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     run.stepper.choice.resume(saved["step_fraction"])
     run.scheme.remember(saved["scheme"], {name.removeprefix("scheme."): values for name, values in local.items()
                                            if name.startswith("scheme.")})
-    body.speed = saved["speed"]
+    body.speed, workpiece.is_cold = saved["speed"], saved["at_rest"]
     body.rams.remember(saved["rams"])
     deforming = {d.name: d for d in run.deforming}
     for tool in body.tools:
