@@ -232,8 +232,9 @@ def yielding_tools(scene: Scene, tools, comm) -> list[Deformation]:
     for known in (tool for tool in tools if tool.name in scene.yielding_tools):
         drive = scene.tools[known.name].drive
         frame = None
-        if getattr(drive, "stiffness", None) is not None:
-            frame = np.asarray(drive.direction, float), drive.stiffness / copies(scene, drive.direction)
+        stiffness = None if drive is None else getattr(drive, "stiffness", None)        # also that of a spring support
+        if stiffness is not None:
+            frame = np.asarray(drive.direction, float), stiffness / copies(scene, drive.direction)
         if known.name in scene.deforming_tools:
             from ..physics.contact.elastic_motions import ElasticMotions
             from .elastic_tool import ElasticTool

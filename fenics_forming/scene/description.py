@@ -338,7 +338,7 @@ class Scene(Described):
         if self.process.tool_deformation == "rigid":
             return []
         return [name for name, tool in self.tools.items() if name in self.deforming_tools
-                or getattr(tool.drive, "stiffness", None) is not None]
+                or tool.drive is not None and tool.drive.frame_stiffness is not None]
 
     @property
     def is_tools_alone(self):

@@ -18,6 +18,11 @@ def tool_mode_problems(scene):
     if deforming and scene.solver.linear == "iterative":
         yield SceneError("does not know of tools that deform; expected 'direct' or 'auto'", key="solver.linear",
                          got="iterative", allowed="direct, auto")
+    for name in scene.yielding_tools:
+        drive = scene.tools[name].drive
+        if drive is not None and (getattr(drive, "is_free", False) or drive.force_limit is not None):
+            yield SceneError("finds its motion in the solve; that is not available for tools that deform or yield",
+                             key=f"tools.{name}.drive", got=drive.kind, allowed="a drive that knows its motion")
     given = scene.process.tool_deformation
     if scene.process.says("tool_deformation") and given != "rigid" and not scene.yielding_tools:
         sentence = f"'{given}', but no tool deforms; give one a 'material' with 'young' and 'poisson', or its drive a " \
@@ -25,7 +30,7 @@ def tool_mode_problems(scene):
         yield SceneError(sentence, key="process.tool_deformation", got=given, allowed="a tool that deforms")
     if given == "rigid":
         for name, tool in scene.tools.items():
-            if getattr(tool.drive, "stiffness", None) is not None:
+            if tool.drive is not None and tool.drive.frame_stiffness is not None:
                 yield SceneError("yields, but process.tool_deformation is 'rigid'; leave one of them out",
                                  key=f"tools.{name}.drive.stiffness", got=tool.drive.stiffness)
     for key in ("tool_every", "tool_step"):

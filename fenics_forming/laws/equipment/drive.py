@@ -103,6 +103,11 @@ class Drive(Described):
         return False
 
     @property
+    def frame_stiffness(self):
+        """Stiffness of the press frame along `direction`, N/mm (per mm of width in plane strain), or None."""
+        return None
+
+    @property
     def moves(self):
         """Whether the tool ever moves."""
         return self.direction is not None or self.angular_velocity(0.0) != 0
@@ -114,6 +119,10 @@ class Translation(Drive):
 
     rotation: Spin | None = None
     stiffness: Positive(Stiffness) | None = None
+
+    @property
+    def frame_stiffness(self):
+        return self.stiffness
 
     def angular_velocity(self, time):
         return self.rotation.speed if self.rotation else 0.0
