@@ -326,7 +326,7 @@ class Scene(Described):
     @property
     def deforming_tools(self):
         """Names of the tools that deform while something is formed: all their materials have elastic constants."""
-        if self.is_tools_alone or self.process.tool_deformation == "rigid":
+        if self.is_tools_alone or not self.process.flow or self.process.tool_deformation == "rigid":
             return []
         return [name for name, tool in self.tools.items() if tool.has_body and all(
             getattr(self.materials[solid.material], key) is not None
@@ -335,7 +335,7 @@ class Scene(Described):
     @property
     def yielding_tools(self):
         """Names of the tools that deform or are on a press frame that does."""
-        if self.process.tool_deformation == "rigid":
+        if not self.process.flow or self.process.tool_deformation == "rigid":
             return []
         return [name for name, tool in self.tools.items() if name in self.deforming_tools
                 or tool.drive is not None and tool.drive.frame_stiffness is not None]
