@@ -90,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     stresses.add_argument("folder", type=Path)
     stresses.add_argument("tool", help="name of a tool with a material that has elastic constants, or with parts")
     stresses.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
+    stresses.add_argument("--path", action="store_true", help="go through all frames up to that one")
     stresses.add_argument("--scene", type=Path, help="take the tool from another scene, as with a finer mesh")
     stresses.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     stresses.add_argument("--out", type=Path, help="folder for the results (default: FOLDER/TOOL)")
@@ -191,7 +192,7 @@ def _stresses(options) -> int:
     from .results.progress import Progress
     from .simulation.tool_stresses import tool_stresses
     with Progress(MPI.COMM_WORLD, quiet=options.quiet) as progress:
-        tool_stresses(options.folder, options.tool, frame=options.frame, scene=scene,
+        tool_stresses(options.folder, options.tool, frame=options.frame, path=options.path, scene=scene,
                       out=options.out or options.folder / options.tool, observer=progress)
     return 0
 

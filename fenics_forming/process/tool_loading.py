@@ -74,6 +74,18 @@ class LoadedTool:
             raise
         self.level = level
 
+    def change_loads(self, loads) -> None:
+        """Go from the loads there are to others, which take their place. Collective.
+
+        Raises
+        ------
+        ConvergenceError
+            if the tool cannot carry them; what it carries then lies between both.
+        """
+        self.tool = replace(self.tool, loads=tuple(loads))
+        self.level = 1.0
+        self.iterations = self.solver.solve(self._loads(1.0), steps=1)
+
     def field(self) -> ToolField:
         """Stresses and displacements of now. Collective."""
         return fields(self.solver, self.iterations)

@@ -66,6 +66,11 @@ def remove_after(folder: Path, step: int) -> None:
             path.unlink(missing_ok=True)
 
 
+def kept_frames(folder: Path | str) -> list[Path]:
+    """The files with the contact forces of a run, in order."""
+    return sorted(path for path in Path(folder).glob("contact_*.npz") if re.fullmatch(PATTERN, path.name))
+
+
 def read_contact_forces(folder: Path | str, tool: str, frame: int = -1) -> tuple[int, float, np.ndarray, np.ndarray]:
     """Step, time (s), points (k, dim) mm and forces (k, dim) N of a frame; negative frames count from the end.
 
@@ -74,7 +79,7 @@ def read_contact_forces(folder: Path | str, tool: str, frame: int = -1) -> tuple
     ResultsError
         if the run has kept none, or none of this tool.
     """
-    paths = sorted(path for path in Path(folder).glob("contact_*.npz") if re.fullmatch(PATTERN, path.name))
+    paths = kept_frames(folder)
     if not -len(paths) <= frame < len(paths):
         kept = f"the run kept those of {len(paths)} frames" if paths else \
             "the run kept none; it keeps those of tools that have a material with elastic constants, or parts"

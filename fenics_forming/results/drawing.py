@@ -76,8 +76,9 @@ def label_of(name):
 def when(results, time):
     """Time, and stroke where there is one, or the load of tools alone, in words."""
     if "load_factor" in results.history.columns:
-        level = np.interp(time, results.history.column("step"), results.history.column("load_factor"))
-        return f"step {time:.0f}, load factor {level:.4g}"
+        of = "time_s" if "time_s" in results.history.columns else "load_factor"
+        reached = np.interp(time, results.history.column("step"), results.history.column(of))
+        return f"step {time:.0f}, {'t =' if of == 'time_s' else 'load factor'} {reached:.4g}{' s' * (of == 'time_s')}"
     where, columns = f"t = {time:.4g} s", results.history.columns
     if "time_s" in columns and results.tools and f"stroke_{results.main_tool()}_mm" in columns:
         stroke = np.interp(time, results.history.column("time_s"), results.stroke())

@@ -55,11 +55,12 @@ class ToolRecorder:
                 f"of freedom · {self.comm.size} rank{'s' * (self.comm.size > 1)} · built in {run.seconds_to_build:.1f} s")
 
     # ------------------------------------------------------------------ a step
-    def step(self, step: int, level: float, wall: float) -> None:
-        """Record where the tools are: a row, and a frame where one is due. Collective."""
+    def step(self, step: int, reached: dict[str, float], wall: float) -> None:
+        """Record where the tools are, with the load factor (and time) reached: a row, and a frame where one is due.
+        Collective."""
         start = perf_counter()
         self._fields = {name: tool.field() for name, tool in self.run.tools.items()}
-        self.row = {"step": step, "load_factor": level}
+        self.row = {"step": step} | reached
         for name, tool in self.run.tools.items():
             self.row |= self._row(name, tool)
         self.row |= self._tracked()
@@ -70,7 +71,7 @@ class ToolRecorder:
         self.iterations += spent
         self.solves += step > 0
         every = self.scene.output.fields_every
-        if level == 0.0 or (every and step % every == 0):       # also where it is put together, not yet loaded
+        if reached["load_factor"] == 0.0 or (every and step % every == 0):      # also where it is only put together
             self._frame()
         self.seconds["output"] += perf_counter() - start
 

@@ -11,14 +11,15 @@ from ..errors import SceneError
 from ..physics.tool_body import NodalForces
 from ..physics.tool_body.carrying import ContactForces, carried
 from ..process.tool_bodies import MeshedTool, tool_body
-from ..results.contact_forces import read_contact_forces
+from ..results.contact_forces import kept_frames, read_contact_forces
 from ..results.results import Results
 from ..scene import Scene, check
 from .tools_alone import ToolSimulation
 
 
-def tool_stresses(results: Results | Path | str, tool: str, *, frame: int = -1, scene: Scene | None = None,
-                  out: Path | str | None = None, observer=None, comm=MPI.COMM_WORLD) -> Results:
+def tool_stresses(results: Results | Path | str, tool: str, *, frame: int = -1, path: bool = False,
+                  scene: Scene | None = None, out: Path | str | None = None, observer=None,
+                  comm=MPI.COMM_WORLD) -> Results:
     """Stresses, displacements and plastic zones of a tool under the contact forces of one frame of a forming run.
 
     The tool is put together first (interference, displaced supports); then the forces are brought on, in steps where it
@@ -29,6 +30,7 @@ def tool_stresses(results: Results | Path | str, tool: str, *, frame: int = -1, 
     results : of the run, or its folder
     tool : its name; it needs a material with elastic constants, or parts
     frame : number of the frame; negative ones count from the end
+    path : go through all frames up to that one, each a step: for a tool that yields, whose state depends on the way
     scene : another scene to take the tool from, such as with a finer mesh or other parts; that of the run if not given
     out : folder for history, frames, summary; without it nothing is written
 
@@ -43,10 +45,15 @@ def tool_stresses(results: Results | Path | str, tool: str, *, frame: int = -1, 
     scene = scene or results.scene
     alone = alone_with(scene, tool)
     check(alone)
-    step, time, points, forces = read_contact_forces(results.folder, tool, frame)
-    meshed = loaded_by(tool_body(scene, tool, comm), ContactForces(points, forces))
+    meshed = tool_body(scene, tool, comm)
+    frames = [frame] if not path else range(len(kept_frames(results.folder))) if frame == -1 else range(frame + 1)
+    states = []
+    for number in frames:
+        step, time, points, forces = read_contact_forces(results.folder, tool, number)
+        states.append((time, loaded_by(meshed, ContactForces(points, forces))))
     title = f"{results.title}: {tool} at {time:.4g} s"
-    simulation = ToolSimulation(alone.model_copy(update={"title": title}), comm=comm, tools={tool: meshed})
+    simulation = ToolSimulation(alone.model_copy(update={"title": title}), comm=comm, tools={tool: states[-1][1]},
+                                path=[(t, {tool: state.loads}) for t, state in states] if path else ())
     return simulation.run(out, observer=observer)
 
 

@@ -28,6 +28,7 @@ class ToolSimulation:
     scene : the description, without workpieces
     comm : MPI communicator
     tools : name → `MeshedTool`, of tools that are meshed and loaded already
+    path : (time in s, name → loads) of states that the tools go through one after the other instead of load factors
 
     Raises
     ------
@@ -35,8 +36,9 @@ class ToolSimulation:
         before anything is solved.
     """
 
-    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, tools: dict[str, MeshedTool] | None = None):
+    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, tools: dict[str, MeshedTool] | None = None, path=()):
         start = perf_counter()
+        self._path = list(path)
         self.scene, self.comm, self.warnings = scene, comm, check(scene)
         meshed = {name: tool_body(scene, name, comm) for name in scene.tools} if tools is None else tools
         self.tools = {name: self._loaded(tool, scene.solver) for name, tool in meshed.items()}
@@ -114,15 +116,18 @@ class ToolSimulation:
         observer.started(recorder.introduction())
         for warning in self.warnings:
             observer.note(warning)
-        why, self._step = None, 0
+        why, self._step, self._time = None, 0, 0.0
         try:
             self._record(0.0, "start", perf_counter(), observer)
             loaded = any(tool.tool.loads for tool in self.tools.values())
             if loaded and any(tool.is_prestressed for tool in self.tools.values()):
                 self._stage(LoadedTool.assemble, 1.0, 0.0, "assembled", observer)
             stage = LoadedTool.load if loaded else LoadedTool.assemble
-            for level in self.levels():
+            for level in self.levels() if not self._path else ():
                 self._stage(stage, level, level, "load" if loaded else "assembly", observer)
+            for time, loads in self._path:
+                self._time = time
+                self._stage(LoadedTool.change_loads, loads, 1.0, "load", observer)
             why = "full loads reached" if loaded else "assembled"
         except ConvergenceError as failure:
             why = f"failed: {failure}"
@@ -143,14 +148,15 @@ class ToolSimulation:
         observer.finished(results)
         return results
 
-    def _stage(self, stage, part: float, level: float, word: str, observer) -> None:
-        """One step of all tools; where one fails, what it still carries is recorded before the news goes on."""
+    def _stage(self, stage, wanted, level: float, word: str, observer) -> None:
+        """One step of all tools to what is wanted, of each by name or of all; where one fails, what it still carries is
+        recorded before the news goes on."""
         begun, cuts = perf_counter(), self._cuts()
         self._step += 1
         failure = None
-        for tool in self.tools.values():
+        for name, tool in self.tools.items():
             try:
-                stage(tool, part)
+                stage(tool, wanted[name] if isinstance(wanted, dict) else wanted)
             except ConvergenceError as error:
                 failure = failure or error
                 level = tool.level if stage is LoadedTool.load else level
@@ -164,5 +170,6 @@ class ToolSimulation:
         return sum(tool.solver.cuts for tool in self.tools.values())
 
     def _record(self, level: float, word: str, begun: float, observer) -> None:
-        self._recorder.step(self._step, level, perf_counter() - begun)
+        time = {"time_s": self._time} if self._path else {}
+        self._recorder.step(self._step, time | {"load_factor": level}, perf_counter() - begun)
         observer.step(self._recorder.row, word)

@@ -49,6 +49,7 @@ def upsetting(tool=COLUMN, steel=None, **more):
         "workpieces": {"billet": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 15]}, "symmetry": ["z"],
                                   "material": "lead", "mesh_size": 2}},
         "tools": {"upper": tool}, "points": {"face": {"body": "upper", "at": [0, 15]}},
+        "process": {"tool_deformation": "rigid"},
         "steps": {"stroke": 0.1}, "stop": {"stroke": 0.2}, "output": {"fields_every": 1}} | more)
 
 
@@ -86,6 +87,23 @@ def test_stresses_are_a_command_with_its_own_results(tmp_path):
     assert cli.main(["stresses", str(tmp_path), "lower"]) == 2
 
 
+def test_tool_that_yields_may_go_through_all_frames(tmp_path):
+    """Forces that rise and fall again: the plastic strain is that of the highest, which the last frame alone does not know."""
+    scene = upsetting(steel={"yield_stress": 95, "hardening": 5000})
+    run = ff.simulate(scene, tmp_path)
+    files = sorted(tmp_path.glob("contact_*.npz"))
+    for path, share in zip(files, (1.0, 1.2, 0.5), strict=True):
+        with np.load(path) as kept:
+            arrays = dict(kept)
+        arrays["upper"][:, 2:] *= share
+        np.savez(path, **arrays)
+    whole, alone = (ff.tool_stresses(run, "upper", path=path).history for path in (True, False))
+    assert whole.column("time_s") == pytest.approx([0, 0, 0.1, 0.2])
+    assert alone.rows[-1]["face_effective_strain"] == 0
+    strain = whole.column("face_effective_strain")
+    assert strain[-1] == strain[-2] == pytest.approx((120 - 95) / 5000, rel=0.25) and 0 < strain[1] < strain[2]
+
+
 def test_assembled_tool_is_pre_stressed_before_the_forming_forces_come(tmp_path):
     """A die of insert and ring around a billet that flows against its bore: workpieces meet one outline, the forces go to
     the parts behind it. The bore is pressed in by the fit (0.016 mm) and comes out under the radial pressure."""
@@ -101,7 +119,7 @@ def test_assembled_tool_is_pre_stressed_before_the_forming_forces_come(tmp_path)
         "workpieces": {"billet": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [19.9, 10]}, "symmetry": ["z"],
                                   "material": "lead", "mesh_size": 3}},
         "tools": {"die": die, "punch": punch}, "points": {"bore": {"body": "insert", "at": [20, 5]}},
-        "contacts": [{"between": ["insert", "ring"], "interference": 0.04}],
+        "contacts": [{"between": ["insert", "ring"], "interference": 0.04}], "process": {"tool_deformation": "rigid"},
         "steps": {"stroke": 0.05}, "stop": {"stroke": 0.3}})
     run = ff.simulate(scene, tmp_path)
     rows = ff.tool_stresses(run, "die").history.rows
