@@ -88,7 +88,7 @@ def test_stresses_are_a_command_with_its_own_results(tmp_path):
 
 
 def test_tool_that_yields_may_go_through_all_frames(tmp_path):
-    """Forces that rise and fall again: the plastic strain is that of the highest, which the last frame alone does not know."""
+    """Forces that rise and fall again: the plastic strain is that of the highest, of which the last frame knows nothing."""
     scene = upsetting(steel={"yield_stress": 95, "hardening": 5000})
     run = ff.simulate(scene, tmp_path)
     files = sorted(tmp_path.glob("contact_*.npz"))
