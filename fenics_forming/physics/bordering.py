@@ -63,8 +63,8 @@ class Border:
         return [t.free.load - t.free.resistance @ t.free.rate - self.reactions(t) for t in self.tools]
 
     def power(self) -> float:
-        """Power of what does not balance on the present rates, mW. Collective."""
-        return -float(sum(r @ t.free.rate for r, t in zip(self.residuals(), self.tools, strict=True)))
+        """Power of what does not balance on the present rates, motion by motion, mW. Collective."""
+        return float(sum(np.abs(r * t.free.rate).sum() for r, t in zip(self.residuals(), self.tools, strict=True)))
 
     # ------------------------------------------------------------------ solving
     def solve(self, system, b: PETSc.Vec) -> None:

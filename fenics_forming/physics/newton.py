@@ -269,13 +269,13 @@ class FlowSolver:
         self.b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         owned = body.fixed_dofs[body.fixed_dofs < body.owned]
         self.b.array[owned] = 0.0
-        power = self.b.dot(body.solution.x.petsc_vec)
+        power = abs(self.b.dot(body.solution.x.petsc_vec))
         if self.border is not None:
             power += self.border.power()
         # a body that is only pushed along has no plastic power; then a fraction of what flowing would take is the scale
         scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
-        return abs(power) / scale
+        return power / scale
 
     def _linear_solve(self):
         start = perf_counter()

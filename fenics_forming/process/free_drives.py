@@ -29,10 +29,46 @@ def free_motion_of(scene: Scene, drive: Drive) -> FreeMotions | None:
         share = copies(scene, drive.direction)
         return RigidMotions([drive.direction], stiffness=drive.stiffness / share)
     if isinstance(drive, RollDrive) and drive.is_free:
-        return RigidMotions.rotation(drive.dimension, force=(drive.torque or 0.0) / copies(scene))
+        return FreeRoll(drive, copies(scene))
     if drive.force_limit is not None:
         return LimitedForce(drive, copies(scene, drive.direction))
     return None
+
+
+class FreeRoll(RigidMotions):
+    """A roll that the body turns, with a torque on it.
+
+    The torque acts once friction can hold it: the first solve of a contact goes without, or the roll would run away.
+
+    Parameters
+    ----------
+    drive : with the torque, N mm, of the whole body · share : parts of it that the mesh stands for
+    """
+
+    def __init__(self, drive: RollDrive, share: int):
+        super().__init__(np.empty((0, drive.dimension)), rotates=True)
+        self._torque, self.held = (drive.torque or 0.0) / share, False
+
+    def prepare(self, horizon: float) -> None:
+        super().prepare(horizon)
+        if self.held:
+            self.load = self.load + self._torque
+
+    def found(self, reaction: np.ndarray) -> bool:
+        again = not self.held and self._torque != 0.0
+        self.held = True
+        return again
+
+    def unopposed(self) -> np.ndarray:
+        self.held = False
+        return self.rate
+
+    def memory(self):
+        return super().memory() | {"held": self.held}
+
+    def remember(self, memory) -> None:
+        super().remember(memory)
+        self.held = bool(memory["held"])
 
 
 class LimitedForce(RigidMotions):

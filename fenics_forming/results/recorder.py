@@ -120,7 +120,8 @@ class Recorder:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:
             if tool.motion.centre is not None:
-                row[f"torque_{tool.name}_Nmm"] = -body.contact.torque(tool) * self.bodies.copies()
+                way = -1.0 if tool.motion.angular_velocity < 0 else 1.0
+                row[f"torque_{tool.name}_Nmm"] = way * body.contact.torque(tool) * self.bodies.copies()
         for deformation in run.deforming:
             row |= deformation.row()
         row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
