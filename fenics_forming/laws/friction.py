@@ -14,7 +14,8 @@ Factor = Within(Number, 0, 1)
 
 
 class Friction(Described):
-    """Base of the friction laws: `limit(pressure, flow_stress)`, `depends_on_pressure`, `sticks`, `acts`."""
+    """Base of the friction laws: `limit(pressure, flow_stress)`, its `rise` with the pressure,
+    `depends_on_pressure`, `sticks`, `acts`."""
 
     model_config = ConfigDict(ignored_types=(bool,))
 
@@ -31,6 +32,10 @@ class Friction(Described):
             Floats, arrays of one broadcast shape, or UFL scalars.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say what its friction stress is")
+
+    def rise(self, pressure, flow_stress):
+        """Derivative of the limit by the pressure; arguments as of `limit`, numbers or arrays."""
+        return zeros_like(pressure, flow_stress)
 
 
 class NoFriction(Friction):
@@ -73,6 +78,9 @@ class Coulomb(Friction):
     def limit(self, pressure, flow_stress):
         return minimum(self.coefficient * maximum(pressure, 0.0), SHEAR * flow_stress)
 
+    def rise(self, pressure, flow_stress):
+        return np.where((pressure > 0) & (self.coefficient * pressure < SHEAR * flow_stress), self.coefficient, 0.0)
+
 
 class Levanov(Friction):
     """tau = factor * k * (1 - exp(-1.25 pressure / flow_stress)); Siebel at high, Coulomb at low pressure.
@@ -88,6 +96,9 @@ class Levanov(Friction):
 
     def limit(self, pressure, flow_stress):
         return self.factor * SHEAR * flow_stress * (1.0 - exp(-1.25 * maximum(pressure, 0.0) / flow_stress))
+
+    def rise(self, pressure, flow_stress):
+        return np.where(pressure > 0, 1.25 * self.factor * SHEAR * exp(-1.25 * maximum(pressure, 0.0) / flow_stress), 0.0)
 
 
 class Sticking(Friction):

@@ -1,4 +1,5 @@
-"""Direct linear solver for the symmetric, indefinite flow systems: MUMPS LDL^T, its symbolic phase reused."""
+"""Direct linear solver for the symmetric, indefinite flow systems: MUMPS LDL^T, its symbolic phase reused; LU where Coulomb
+friction between parts of a tool makes a system unsymmetric."""
 
 from __future__ import annotations
 
@@ -11,16 +12,16 @@ _OUT_OF_WORKSPACE = (-8, -9, -11, -12, -14, -15, -17, -18, -20)
 
 
 class DirectSolver:
-    """Solve ``A x = b`` for a symmetric matrix whose values, not pattern, change from call to call.
+    """Solve ``A x = b`` for a matrix, symmetric if not said otherwise, whose values, not pattern, change from call to call.
 
     ICNTL(12)=1 keeps the ordering from pairing pivots by the first matrix; without it rigid zones delay thousands
     of pivots, the workspace overflows, and PETSc's ``preonly`` hands back NaN without a word.  So INFOG(1) is
     looked at after every factorisation and the workspace is doubled where MUMPS asks for it.
     """
 
-    def __init__(self, A: PETSc.Mat):
-        self._A = A
-        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    def __init__(self, A: PETSc.Mat, *, symmetric: bool = True):
+        self._A, self._kind = A, "cholesky" if symmetric else "lu"
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         self._workspace = 100
         self._build()
 
@@ -29,7 +30,7 @@ class DirectSolver:
         self._ksp.setType("preonly")
         self._ksp.setOperators(self._A)
         pc = self._ksp.getPC()
-        pc.setType("cholesky")
+        pc.setType(self._kind)
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
         self._factor = pc.getFactorMatrix()

@@ -138,8 +138,7 @@ class Workpiece:
         local = self.velocity_dofs
         number = self.space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
         return Interfaces(self.nodes, self.kinematics, list(pairs), self.contact, dofs=number.astype(np.int64),
-                          owned=self.owned, free=~np.isin(local, self.fixed_dofs),
-                          penalty_factor=self.settings.penalty_factor)
+                          owned=self.owned, free=~np.isin(local, self.fixed_dofs))
 
     def set_drag(self, usual: float) -> None:
         """Hold back bodies that are free to move; ``usual`` power of plastic flow, mW/mm³, at the speed of the tools."""

@@ -162,7 +162,8 @@ def _part_contact(contact, nodes: Nodes, faces: ToolFaces) -> PartContact:
     slave = min(contact.between, key=length.get)
     master = next(part for part in contact.between if part != slave)
     interference = contact.interference if contact.says("interference") else None
-    return PartContact(near[slave], free[master], interference=interference, element=contact.element)
+    return PartContact(near[slave], free[master], interference=interference, element=contact.element,
+                       friction=contact.friction)
 
 
 def _near(nodes: Nodes, own: np.ndarray, other: np.ndarray, faces: ToolFaces, contact) -> np.ndarray:

@@ -159,7 +159,7 @@ def test_points_beyond_the_rim_of_the_other_body_stay_open():
     x[np.unique(stack.nodes.cells[upper]), 0] += 0.5 * SIDE
     stack.contact.search(x, 1.0)
     at = stack.contact.points.trace(x)[:, 0]
-    np.testing.assert_array_equal(np.isfinite(stack.contact.state.gap), at > 0.5 * SIDE)
+    np.testing.assert_array_equal(np.isfinite(stack.contact.point_gap), at > 0.5 * SIDE)
 
 
 @pytest.mark.mpi

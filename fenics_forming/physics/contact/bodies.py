@@ -2,11 +2,12 @@ r"""Contact between two bodies of one mesh: the gap operator and what the point 
 
 For a point m of the slave's surface and the side of the master that captures it, with the shape functions
 :math:`N^s, N^m` at the point and at its foot, the relative velocity is
+:math:`s_m=\sum_aN^s_av_a-\sum_bN^m_bv_b`, and that of a carrier of traction (``carriers``) the mean over its points,
 
-.. math:: s = \sum_a N^s_a v_a - \sum_b N^m_b v_b = (Gv)_m .
+.. math:: s_a = \sum_m W_{am}R_{am}s_m = (Gv)_a .
 
 The law of a contact point (``point_law``) gives a traction t(s) on the slave, of virtual power :math:`-w\,t\cdot\delta s`
-with the surface w of the point, so nodal forces are :math:`G^T w t` and the tangent :math:`G^T w(-\partial t/\partial s)G`.
+with the surface w of the carrier, so nodal forces are :math:`G^T w t`, the tangent :math:`G^T w(-\partial t/\partial s)G`.
 The shape functions of either side add up to one, so the forces of the two bodies are opposite, and with the force along
 the line from the point to its foot their moments are too.
 
@@ -17,7 +18,9 @@ of ranks does not matter.
 
 from __future__ import annotations
 
-import basix
+from dataclasses import dataclass, field
+from time import perf_counter
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -26,64 +29,20 @@ from ..nodes import Nodes
 from ..parallel import total
 from ..surface import facet_sides
 from . import point_law as law
-from .capture import CapturingSurface, side_lattice
-from .facets import seen_from_vertices
+from .capture import CapturingSurface
+from .carriers import Carriers, means, turning
+from .gap_operator import gap_operator
+from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
 FACING = -0.2     # cosine between the normals of surfaces that can press on one another, at most
-# Vertices of the master lie anywhere between the points, and the integrand has kinks there: so a side is cut into equal
-# parts with a low rule on each. Patch test, greatest stress error in the plane: 0.3 % with 6 x 2 points, 1.2 % with one
-# rule of 6, 2.3 % with 2 x 2; in space 1e-5 with 9 triangles of 3 points, 1.3 % with one rule of 16.
-PARTS, DEGREE = {2: 6, 3: 3}, {2: 3, 3: 2}
 
 
-class SlavePoints:
-    """The points of a quadrature rule on sides of a body.
+@dataclass
+class CarrierState(law.PointState):
+    """State of the carriers of this rank, and of which corners each of them is made: (all corners,)."""
 
-    Parameters
-    ----------
-    sides : (f, 3 | 6) nodes of this rank's sides, turned as ``physics.surface`` wants them
-    element : "integration_point" or "node"
-    """
-
-    def __init__(self, sides: np.ndarray, kinematics: Kinematics, dim: int, element: str):
-        self.sides, self._kinematics, self.dim = sides, kinematics, dim
-        cell = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
-        shapes = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
-        if element == "node":
-            # Simpson's rule; on triangles that of the four triangles between vertices and mid-nodes: all weights positive
-            points, self._weights = shapes.points, np.array({2: [1, 1, 4], 3: [1, 1, 1, 3, 3, 3]}[dim]) / {2: 6, 3: 24}[dim]
-        else:
-            points, self._weights = _in_parts(cell, dim)
-        table = shapes.tabulate(1, points)[..., 0]
-        self.shape, self._gradient = table[0], table[1:]
-        self.hats = basix.create_element(basix.ElementFamily.P, cell, 1).tabulate(0, points)[0, :, :, 0]
-        w = self._weights
-        self._projection = self.hats @ np.linalg.solve(self.hats.T @ (w[:, None] * self.hats), self.hats.T * w)
-        self.per_side = self.points_per_facet = len(points)
-        self.count = len(sides) * self.per_side
-
-    def trace(self, nodal: np.ndarray) -> np.ndarray:
-        """A nodal field (nodes[, k]) at the points, (points[, k])."""
-        values = np.tensordot(nodal[self.sides], self.shape, axes=(1, 1))
-        return np.moveaxis(values, -1, 1).reshape(self.count, *nodal.shape[1:])
-
-    def surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Surface that belongs to each point, mm² (mm in plane strain, 2 pi r included in axisymmetry), (points,), and
-        the outward unit normals, (points, dim)."""
-        tangents = np.einsum("kqa,fad->kfqd", self._gradient, x[self.sides])
-        across = tangents[0][..., ::-1] * [1.0, -1.0] if self.dim == 2 else np.cross(tangents[0], tangents[1])
-        length = np.linalg.norm(across, axis=-1)
-        surface = (length * self._weights).ravel()
-        return surface * self._kinematics.weight_at(self.trace(x)), (across / length[..., None]).reshape(-1, self.dim)
-
-    def points_from(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The sides as seen from their vertices in rising order of ``rows`` (nodes,), as ``ContactFacets.points_from``."""
-        return seen_from_vertices(rows[self.sides[:, : self.dim]], self.hats)
-
-    def linear_part(self, values: np.ndarray) -> np.ndarray:
-        """Least-squares linear part, side by side, of values at the points (points,)."""
-        return (values.reshape(-1, self.per_side) @ self._projection.T).ravel()
+    groups: np.ndarray = field(default_factory=lambda: np.empty(0, int))
 
 
 class BodyContact:
@@ -97,6 +56,12 @@ class BodyContact:
     free : (nodes, dim) which of them are not given, all where None: held ones have no column in the gap operator
     friction : a law of ``laws.friction`` or None
     interference : overlap that the bodies have at the start, mm, taken for a gap of minus that
+
+    Attributes
+    ----------
+    state : `CarrierState` · weights : (carriers,) mm², the surface of each that is over the other body
+    point_gap, point_weights : (points,) gaps that the points see, mm, and their surfaces, mm²
+    seconds : spent on search, operator and tangent
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, slave: np.ndarray, master: np.ndarray, *, dofs: np.ndarray,
@@ -108,65 +73,108 @@ class BodyContact:
         self._dofs, self._owned = dofs, owned
         self.friction, self.interference = friction, interference
         self.slip_regularisation = self.slip0 = slip_regularisation
-        self.state = law.PointState.at_rest(self.points.count, self.dim)
-        self.silence()
         self.coefficient = self.dt = 1.0
-        numbers = nodes.mesh.geometry.index_map().local_to_global(self._master.ravel().astype(np.int32))
-        self._numbers = _everywhere(nodes.comm, np.asarray(numbers).reshape(self._master.shape))
+        self.seconds = 0.0
+        self._numbers = _everywhere(nodes.comm, _global(nodes, self._master))
         self._columns = _everywhere(nodes.comm, dofs[self._master])
         self._free = np.ones(dofs.shape) if free is None else free.astype(float)
         self._free_master = _everywhere(nodes.comm, self._free[self._master])
+        self.carriers = Carriers(nodes.comm, _global(nodes, self.points.corners), self.dim)
+        self.carriers.group(self.points.corner_normals(nodes.x))
+        self.state = CarrierState.at_rest(self.carriers.count, self.dim)
+        self.state.groups = self.carriers.groups
+        self.silence()
         self.G = self._K = self._inner = None
 
     # ------------------------------------------------------------------ pairing
     def search(self, x: np.ndarray, dt: float, reach: float = np.inf) -> None:
         """Pair points and sides anew for nodes at ``x`` (nodes, dim); contact looks ahead by ``dt``, s. Collective.
 
-        reach : gap, mm, beyond which a point meets nothing for now; it then has no row in the gap operator
+        reach : gap, mm, beyond which a point meets nothing for now; carriers of none but such have no row in the operator
         """
+        start = perf_counter()
         self.dt = dt
         at = self.points.trace(x)
         surface = CapturingSurface(_everywhere(self.nodes.comm, x[self._master]), self._numbers)
-        found = surface.capture(at)
-        self.weights, outward = self.points.surface(x)
+        self._found = found = surface.capture(at)
+        self.point_weights, outward = self.points.surface(x)
         facing = np.einsum("pi,pi->p", outward, found.normal) < FACING
-        state = self.state
-        state.gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
-        state.gap[state.gap > reach] = np.inf
-        state.normal = found.normal
-        self._found, self._near = found, np.isfinite(state.gap)
+        gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
+        gap[gap > reach] = np.inf
+        self.point_gap, self._near = gap, np.isfinite(gap)
+        self.carriers.group(self.points.corner_normals(x))
+        self._follow_groups()
         self._build()
+        self.seconds += perf_counter() - start
 
     def pairs(self) -> np.ndarray:
-        """Pairs of a slave side of this rank and a master side that may press on one another, each as one number."""
+        """What may press on one another, each pair as one number: a carrier, by its first corner, and a side of the master,
+        or of the slave itself whose nodes it moves."""
         near = np.flatnonzero(self._near)
-        return np.unique(near // self.points.per_side * np.int64(len(self._columns)) + self._found.facet[near])
+        side = near // self.points.per_side
+        masters = len(self._columns)
+        first = self.carriers.first_corner[self.carriers.own[side]] * np.int64(masters + self.carriers.corners)
+        of_slave = masters + self.carriers.own_sides[side]
+        return np.unique(np.concatenate([(first + self._found.facet[near][:, None]).ravel(),
+                                         (first + of_slave[:, None]).ravel()]))
+
+    def _follow_groups(self) -> None:
+        """The state of carriers that are made of other corners than before: the mean of the corners. Collective."""
+        state, carriers = self.state, self.carriers
+        if np.array_equal(state.groups, carriers.groups):
+            return
+        for name, value in list(vars(state).items()):
+            if name != "groups":
+                mean = carriers.mine(means(carriers.everywhere(value)[state.groups], carriers.groups, carriers.total))
+                setattr(state, name, mean > 0.5 if value.dtype == bool else mean)
+        state.groups = carriers.groups
+        self.silence()
 
     def _build(self) -> None:
-        """The gap operator, (points · dim) x unknowns; rows of points that are over nothing are empty. Collective."""
-        dim, count, near = self.dim, self.points.count, np.flatnonzero(self._near)
+        """Surface, gap, normal of the carriers, and their gap operator; rows of those over nothing are empty. Collective."""
+        dim, near, carriers, state = self.dim, np.flatnonzero(self._near), self.carriers, self.state
         side, facet = near // self.points.per_side, self._found.facet[near]
-        shape = self.points.shape[near % self.points.per_side]
-        columns = np.concatenate([self._dofs[self.points.sides[side]], self._columns[facet]], axis=1)
-        free = np.concatenate([self._free[self.points.sides[side]], self._free_master[facet]], axis=1)
-        value = np.concatenate([shape, -self._found.shapes[near]], axis=1)[..., None] * free
-        width = columns.shape[1]
-        columns, value = (np.swapaxes(a, 1, 2).reshape(-1, width) for a in (columns, value))
-        order = np.argsort(columns, axis=1)
-        index = PETSc.IntType
+        self._share = np.where(self._near, self.point_weights, 0.0)[:, None] * np.tile(self.points.basis,
+                                                                                      (len(self.points.sides), 1))
+        gap = np.where(self._near, self.point_gap, 0.0)
+        sums = self._sums(np.column_stack([np.ones_like(gap), gap, self._found.normal]))
+        weight, length = sums[:, 0], np.linalg.norm(sums[:, 2:], axis=1)
+        over = (weight > 0) & (length > 0)
+        mean = sums[:, 1:] / np.where(over, weight, 1.0)[:, None]
+        normal = np.where(over[:, None], sums[:, 2:] / np.where(over, length, 1.0)[:, None], np.eye(dim)[-1])
+        of_point = carriers.own[side]
+        share = self._share[near] * np.where(over, 1.0 / np.where(over, weight, 1.0), 0.0)[of_point]
+        ends = normal[of_point]
+        turn = turning(np.broadcast_to(self._found.normal[near][:, None], ends.shape).reshape(-1, dim),
+                       ends.reshape(-1, dim)).reshape(*of_point.shape, dim, dim)
+        back = np.zeros((carriers.total, dim, dim))
+        np.add.at(back, of_point, share[..., None, None] * np.swapaxes(turn, 2, 3))
+        self._back = carriers.mine(total(self.nodes.comm, back))
+        self.weights = carriers.mine(np.where(over, weight, 0.0))
+        state.gap, state.normal = carriers.mine(np.where(over, mean[:, 0], np.inf)), carriers.mine(normal)
         for old in (self.G, self._K, self._inner):
             if old is not None:
                 old.destroy()
         self._K = self._inner = None
-        self.G = PETSc.Mat().createAIJ(
-            ((count * dim, None), (self._owned, None)), comm=self.nodes.comm,
-            csr=(np.append(0, np.cumsum(np.repeat(self._near * width, dim))).astype(index),
-                 np.take_along_axis(columns, order, axis=1).ravel().astype(index),
-                 np.take_along_axis(value, order, axis=1).ravel()))
+        shape = self.points.shape[near % self.points.per_side]
+        own = self.points.sides[side]
+        self.G = gap_operator(self.nodes.comm, carriers, self._owned, of_point=of_point, share=share, turn=turn,
+                              shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
+                              dofs=np.concatenate([self._dofs[own], self._columns[facet]], axis=1),
+                              free=np.concatenate([self._free[own], self._free_master[facet]], axis=1))
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """Surface integrals over the hats of all carriers of values (points, c), (all carriers, c). Collective."""
+        shares = self._shares()
+        return self.carriers.sums(np.einsum("fqk,fqc->fkc", shares, values.reshape(*shares.shape[:2], values.shape[1])))
+
+    def _shares(self) -> np.ndarray:
+        """Surface of the points in the hats of their corners, (f, points, corners), mm²."""
+        return self._share.reshape(len(self.points.sides), self.points.per_side, self._share.shape[1])
 
     # ------------------------------------------------------------------ response
     def relative(self, unknowns: PETSc.Vec) -> np.ndarray:
-        """Velocity (displacement) of the slave's points relative to their feet, (points, dim). Collective."""
+        """Velocity (displacement) of the slave's carriers relative to what they face, (carriers, dim). Collective."""
         out = self.G.createVecLeft()
         self.G.mult(unknowns, out)
         return out.array.reshape(-1, self.dim).copy()
@@ -175,8 +183,8 @@ class BodyContact:
                 again: bool = False) -> None:
         """Tractions on the slave and their tangents for the present unknowns.
 
-        flow_stress : (points,) for friction that is limited by it; touching : gap below which every point is closed;
-        again : in the same solve, where points that open and close must calm down
+        flow_stress : (carriers,) for friction that is limited by it; touching : gap below which every carrier is closed;
+        again : in the same solve, where carriers that open and close must calm down
         """
         state, relative, before = self.state, self.relative(unknowns), self.state.active
         closed = None if touching is None else state.gap <= touching
@@ -196,28 +204,25 @@ class BodyContact:
         return self.friction is not None and self.friction.law != "none"
 
     def softer(self, nodal: np.ndarray) -> np.ndarray:
-        """A nodal field (nodes,) at the points, the less of the two bodies' values at each, (points,). Collective."""
+        """A nodal field (nodes,) at the carriers, the less of the two bodies' values there, (carriers,). Collective."""
         master = _everywhere(self.nodes.comm, nodal[self._master])[self._found.facet]
-        return np.minimum(self.points.trace(nodal), np.einsum("pa,pa->p", self._found.shapes, master))
+        less = np.minimum(self.points.trace(nodal), np.einsum("pa,pa->p", self._found.shapes, master))
+        return self.carriers.mine(self._sums(less[:, None])[:, 0]) / np.where(self.weights > 0, self.weights, 1.0)
 
     def silence(self) -> None:
         """No traction: for the stiffness of the bodies alone."""
-        count, dim = self.points.count, self.dim
+        count, dim = self.carriers.count, self.dim
         self.traction, self._tangent = np.zeros((count, dim)), np.zeros((count, dim, dim))
 
     def _limit(self, flow_stress):
         if self.friction.law == "sticking":
             return 2 / np.sqrt(3) * flow_stress       # a bound that the material never reaches, as against rigid tools
-        pressure = self.state.pressure
-        if self.friction.depends_on_pressure:
-            pressure = np.maximum(self.points.linear_part(pressure), 0.0)
-        return self.friction.limit(pressure, flow_stress)
+        return self.friction.limit(self.state.pressure, flow_stress)
 
     def augment(self) -> None:
-        """Augmented-Lagrange update: the pressure found so far, linear on every side, becomes the multiplier."""
+        """Augmented-Lagrange update: the pressure found so far becomes the multiplier."""
         state = self.state
-        pressure = np.where(state.active, np.maximum(self.points.linear_part(state.pressure), 0.0), 0.0)
-        state.multiplier = pressure[:, None] * state.normal
+        state.multiplier = np.where(state.active, np.maximum(state.pressure, 0.0), 0.0)[:, None] * state.normal
 
     # ------------------------------------------------------------------ what goes into the system
     def forces(self) -> PETSc.Vec:
@@ -229,7 +234,8 @@ class BodyContact:
 
     def tangent(self) -> PETSc.Mat:
         """G^T w (-dt/ds) G; the matrix is that of the last call until the next search. Collective."""
-        dim, count = self.dim, self.points.count
+        start = perf_counter()
+        dim, count = self.dim, self.carriers.count
         index = PETSc.IntType
         first = self.G.getOwnershipRange()[0]
         rows = (np.arange(count * dim + 1) * dim).astype(index)
@@ -243,20 +249,26 @@ class BodyContact:
             self._inner.setValuesCSR(rows, columns, values)
             self._inner.assemble()
             self._inner.PtAP(self.G, result=self._K)
+        self.seconds += perf_counter() - start
         return self._K
 
+    # ------------------------------------------------------------------ what the bodies feel
     def force(self) -> np.ndarray:
         """Force of the master on the slave, (dim,), N. Collective."""
-        return total(self.nodes.comm, (self.weights[:, None] * self.traction).sum(axis=0))
+        return total(self.nodes.comm, np.einsum("p,pij,pj->i", self.weights, self._back, self.traction))
+
+    def corner_loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """What presses on the vertices of this rank's sides, N, and the surface that belongs to them, mm², both (f, dim).
+        Collective."""
+        pressure = self.carriers.at_corners(self.state.pressure)[:, : self.dim]
+        surface = self._shares().sum(axis=1)[:, : self.dim]
+        return pressure * surface, surface
 
 
-def _in_parts(cell, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights of a low rule on each of the equal parts of a side."""
-    points, weights = basix.make_quadrature(cell, DEGREE[dim])
-    lattice, parts = side_lattice(dim, PARTS[dim])
-    corners = lattice[parts[:, :dim], 1:]
-    edges = corners[:, 1:] - corners[:, :1]
-    return (corners[:, :1] + points @ edges).reshape(-1, dim - 1), np.tile(weights / len(parts), len(parts))
+def _global(nodes: Nodes, local: np.ndarray) -> np.ndarray:
+    """Numbers of nodes that all ranks share, of the same shape."""
+    numbers = nodes.mesh.geometry.index_map().local_to_global(local.ravel().astype(np.int32))
+    return np.asarray(numbers).reshape(local.shape)
 
 
 def _everywhere(comm, values: np.ndarray) -> np.ndarray:

@@ -15,8 +15,6 @@ from .bodies import BodyContact
 from .rigid import RigidContact
 
 REACH = 0.5      # of the size of a side: gaps up to this stay paired, so that sliding changes the pairing rarely
-MOST_FACTOR = 100.0    # of the penalty: beyond it unlike meshes lock, points pull and open (force -0.1 % at 100, -0.4 % at
-                       # 1000), and from 1e5 on Newton ends in cycles; the multipliers take the penetration out anyway
 TRAVEL = 4.0     # times the way of the tools in a step: a gap beyond cannot close in it
 
 
@@ -41,16 +39,15 @@ class Interfaces:
     ----------
     tools : contact of the same bodies with tools, which knows penalty, speed and step
     dofs : (nodes, dim) global numbers of the velocities; owned : unknowns of this rank; free : (nodes, dim) not given
-    penalty_factor : of the tools; between bodies it is at most MOST_FACTOR
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, pairs: list[Pair], tools: RigidContact, *, dofs: np.ndarray,
-                 owned: int, free: np.ndarray, penalty_factor: float):
+                 owned: int, free: np.ndarray):
         self.names, self.slaves = [pair.name for pair in pairs], {pair.name: pair.holder for pair in pairs}
         self.contacts = [BodyContact(nodes, kinematics, pair.slave, pair.master, dofs=dofs, owned=owned, free=free,
                                      friction=pair.friction, element=pair.element, interference=pair.interference)
                          for pair in pairs]
-        self._nodes, self._tools, self._share = nodes, tools, min(1.0, MOST_FACTOR / penalty_factor)
+        self._nodes, self._tools = nodes, tools
         self._unknowns = PETSc.Vec().createMPI((owned, None), comm=nodes.comm)
         first = self._unknowns.getOwnershipRange()[0]
         self._mine = (dofs >= first) & (dofs < first + owned)
@@ -76,13 +73,13 @@ class Interfaces:
             self.has_new_pairs = True
 
     def gaps(self) -> dict[str, np.ndarray]:
-        """Pair → (points,) the gaps of the last search, mm."""
-        return {name: contact.state.gap for name, contact in zip(self.names, self.contacts, strict=True)}
+        """Pair → (sides, corners) the gaps of the last search, mm. Collective."""
+        return {name: contact.carriers.at_corners(contact.state.gap) for name, contact in self.by_name.items()}
 
     def set_gaps(self, gaps: dict[str, np.ndarray]) -> None:
-        """Close earlier gaps instead of the present ones, where the points were over the other body then."""
-        for name, contact in zip(self.names, self.contacts, strict=True):
-            now, then = contact.state.gap, gaps[name]
+        """Close earlier gaps instead of the present ones, where a surface was over the other body then. Collective."""
+        for name, contact in self.by_name.items():
+            now, then = contact.state.gap, contact.carriers.from_corners(gaps[name])
             contact.state.gap = np.where(np.isfinite(now) & np.isfinite(then), then, now)
 
     def merged(self, bulk: PETSc.Mat) -> PETSc.Mat:
@@ -105,7 +102,7 @@ class Interfaces:
         """Tractions at nodal velocities (nodes, dim); flow_stress (nodes,), the rest as in ``RigidContact.respond``."""
         unknowns = self._unknowns_of(velocity)
         for contact in self.contacts:
-            contact.coefficient = self._share * self._tools.coefficient
+            contact.coefficient = self._tools.coefficient
             contact.slip0 = self._tools.slip0 if slip0 is None else slip0
             softer = contact.softer(flow_stress) if contact.has_friction else None
             contact.respond(unknowns, flow_stress=softer, touching=touching, again=again)
@@ -174,26 +171,29 @@ class Interfaces:
         """Pressure between bodies at the nodes (nodes,), MPa, on the surfaces that hold the points. Collective."""
         sums = np.zeros((self._nodes.count, 2))
         for contact in self.contacts:
-            points = contact.points
-            corners = points.sides[:, : self._nodes.dim]
-            share = contact.weights.reshape(-1, points.per_side)
-            load = contact.state.pressure.reshape(share.shape) * share
-            for column, values in enumerate((load, share)):
-                sums[:, column] += np.bincount(corners.ravel(), (values @ points.hats).ravel(), self._nodes.count)
+            corners = contact.points.sides[:, : self._nodes.dim].ravel()
+            for column, values in enumerate(contact.corner_loads()):
+                sums[:, column] += np.bincount(corners, values.ravel(), self._nodes.count)
         sums = self._nodes.sum_over_ranks(sums)
         return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
 
     # ------------------------------------------------------------------ memory
     def memory(self) -> dict[str, np.ndarray]:
-        """What the next solve starts from, pair by pair, (points, 2 + dim): pressure, grip, friction stress."""
-        return {name: np.column_stack([c.state.pressure, c.state.grip, c.state.friction_stress])
-                for name, c in zip(self.names, self.contacts, strict=True)}
+        """What the next solve starts from, pair by pair, (corners of the slave's sides, 2 + dim): pressure, grip, friction
+        stress. Collective."""
+        found = {}
+        for name, contact in self.by_name.items():
+            state = contact.state
+            rows = contact.carriers.at_corners(np.column_stack([state.pressure, state.grip, state.friction_stress]))
+            found[name] = rows.reshape(-1, rows.shape[-1])
+        return found
 
     def resume(self, memory: dict[str, np.ndarray], velocity: np.ndarray) -> None:
         """Take over what :meth:`memory` gave, with the nodal velocities of then, on the pairs of the last search."""
         unknowns = self._unknowns_of(velocity)
-        for name, contact in zip(self.names, self.contacts, strict=True):
-            state, of_pair = contact.state, memory[name]
+        for name, contact in self.by_name.items():
+            state, corners = contact.state, contact.points.corners.shape
+            of_pair = contact.carriers.from_corners(memory[name].reshape(*corners, memory[name].shape[1]))
             state.pressure, state.grip, state.friction_stress = of_pair[:, 0], of_pair[:, 1], of_pair[:, 2:]
             state.active = state.pressure > 0
             state.slip = law.slip_velocity(state, contact.relative(unknowns))

@@ -1,8 +1,8 @@
-r"""A tool of several parts that press on one another: Newton's iteration over bulk and contact together.
+r"""A tool of several parts that press and rub on one another: Newton's iteration over bulk and contact together.
 
-The parts are disjoint in one mesh.  Contact adds nodal forces :math:`G^Tw\,t(Gu)` and the tangent of ``contact.bodies`` in
+The parts are disjoint in one mesh.  Contact adds nodal forces :math:`G^Tw\,t(Gu)` and the tangent of ``contact.parts`` in
 displacements (FORMULATION.md 3): there the closing *displacement* takes the place of the closing speed, in a step of 1 s.
-Displacements are small, so points and sides are paired once.
+Displacements are small, so points and sides are paired once.  Friction remembers what it held in the last accepted step.
 """
 
 from __future__ import annotations
@@ -14,20 +14,24 @@ import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from ..contact.bodies import BodyContact
+from ...laws import Friction, NoFriction
+from ..contact.parts import UNLIMITED, PartContactField
 from ..linear import DirectSolver
-from ..parallel import total
+from ..parallel import highest, total
 from .body import ToolBody
 from .compliance import compliance, global_dofs
 from .elastic import set_held_rows
+from .field import at_nodes
 from .plastic import PlasticSolver, ToolSettings
 
 TOUCHING = 1e-9     # of the size of the tool: parts that touch at the start hold each other in the first iteration
+SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
+HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
 
 @dataclass(frozen=True)
 class PartContact:
-    """Frictionless contact of two parts.
+    """Contact of two parts.
 
     Parameters
     ----------
@@ -35,12 +39,15 @@ class PartContact:
     interference : overlap that is declared, mm; points over the other part then start with it, whatever gap the mesh has.
         None: the gaps are those of the mesh
     element : "integration_point" or "node"
+    friction : a law of ``laws.friction``. One that does not depend on the pressure (Siebel) needs parts that can yield;
+        Coulomb's is limited by the shear yield stress where there is one
     """
 
     slave: np.ndarray
     master: np.ndarray
     interference: float | None = None
     element: str = "integration_point"
+    friction: Friction = NoFriction()
 
 
 class AssembledSolver(PlasticSolver):
@@ -50,28 +57,37 @@ class AssembledSolver(PlasticSolver):
     ----------
     contacts : `PartContact` of its parts
     penalty_factor : penalty in units of the stiffness per area of the contact surfaces
-    augmentations : how often the pressure found becomes the multiplier, which takes the penetration out
+    augmentations : how often at most the tractions found become the multipliers, which takes the penetration out
+    penetration : of the greatest displacement, where that ends: overlap of what presses, and give of what friction holds
 
     Attributes
     ----------
-    contacts : `BodyContact` of the parts, with pressures and forces
+    contacts : `PartContactField` of the parts, with pressures and forces
+    factorisations : of the tangent; none where neither contact nor plastic flow have changed it
     """
 
     def __init__(self, body: ToolBody, contacts, settings: ToolSettings = ToolSettings(), *, penalty_factor: float = 10.0,
-                 augmentations: int = 2):
+                 augmentations: int = 10, penetration: float = 1e-6):
         super().__init__(body, settings)
-        self.augmentations = augmentations
+        self.augmentations, self.penetration, self.factorisations = augmentations, penetration, 0
         dofs = global_dofs(body, np.arange(body.nodes.count))
-        self.contacts = [BodyContact(body.nodes, body.state.kinematics, c.slave, c.master, dofs=dofs, owned=body.owned,
-                                     free=~body.is_held, element=c.element) for c in contacts]
+        self.contacts = [
+            PartContactField(body.nodes, body.state.kinematics, c.slave, c.master, dofs=dofs, owned=body.owned,
+                             free=~body.is_held, element=c.element, friction=c.friction) for c in contacts]
+        self._friction = any(contact.has_friction for contact in self.contacts)
+        self._limited = self._friction and body.yields
         self._merged: PETSc.Mat | None = None
+        self._factorised: list[np.ndarray] | None = None
+        self._same = False
         self._touching = self._touch = TOUCHING * float(np.linalg.norm(np.diff(body.nodes.extents(), axis=0)))
         stiffness = self._stiffness()
         for contact, given in zip(self.contacts, contacts, strict=True):
             contact.search(body.nodes.x, 1.0)
             _declare(contact, given.interference)
             contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
+            contact.begin()
         self._given = contacts
+        self._find_limits()
         self._respond()
         self._balanced, self._accepted_tangents = self._forces, self._tangents
         self._touching = None
@@ -93,20 +109,41 @@ class AssembledSolver(PlasticSolver):
     def _per_area(self, contact: BodyContact, stiffness: np.ndarray) -> float:
         """Stiffness of the slave's nodes over the surface they share, N/mm³."""
         at_points = contact.points.trace(stiffness)
-        side = contact.weights.reshape(-1, contact.points.per_side).sum(axis=1).repeat(contact.points.per_side)
-        sums = total(self.body.nodes.comm, np.array([(at_points * contact.weights).sum(), (side * contact.weights).sum()]))
+        weights = contact.point_weights
+        side = weights.reshape(-1, contact.points.per_side).sum(axis=1).repeat(contact.points.per_side)
+        sums = total(self.body.nodes.comm, np.array([(at_points * weights).sum(), (side * weights).sum()]))
         return float(sums[0] / sums[1])
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
         spent = super().solve(loads, held=held, steps=steps)
         for _ in range(self.augmentations):
+            if self.relative_penetration() <= self.penetration:
+                break
             for contact in self.contacts:
                 contact.augment()
+            self._same = True
             self._forces = self.internal_forces()
+            self._same = False
             spent += self._equilibrate(self.force, held, 1.0)
             self._accept(self.force)
         return spent
+
+    def relative_penetration(self) -> float:
+        """Overlap of what presses and give of what friction holds, relative to the greatest displacement. Collective."""
+        moved = highest(self.body.nodes.comm, float(np.abs(self.body.displacement.x.array).max(initial=0.0)))
+        worst = max((contact.penetration() for contact in self.contacts), default=0.0)
+        return worst / moved if moved > 0 else 0.0
+
+    @property
+    def friction_work(self) -> float:
+        """What friction between the parts took since the start, mJ. Collective."""
+        return float(sum(contact.works()[0] for contact in self.contacts))
+
+    @property
+    def interference_work(self) -> float:
+        """What overlaps gave to the parts that they press apart since the start, mJ. Collective."""
+        return float(sum(contact.works()[1] for contact in self.contacts))
 
     def compliance(self, dofs: np.ndarray) -> np.ndarray:
         """See `compliance.compliance`, by the tangent of the parts and of the contact that is closed now. Collective."""
@@ -133,9 +170,28 @@ class AssembledSolver(PlasticSolver):
         """Nodal forces that stresses, springs and contact hold in balance, N."""
         vector = super().internal_forces()
         for contact in self.contacts:
-            contact.respond(self.body.displacement.x.petsc_vec, touching=self._touching)
+            limit = contact.softer(self._yield_stress) if self._limited and contact.has_friction else None
+            contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=self._touching,
+                            same=self._same)
             vector.axpy(-1.0, contact.forces())
         return vector
+
+    def _accept(self, force: PETSc.Vec) -> None:
+        super()._accept(force)
+        for contact in self.contacts:
+            contact.accept()
+        self._find_limits()
+
+    def _find_limits(self) -> None:
+        """Yield stress at the nodes, (nodes,) MPa, in the accepted state: it limits the friction of the step to come."""
+        if not self._limited:
+            return
+        body = self.body
+        strain = np.maximum(at_nodes(body, self.plastic.effective[:, None])[:, 0], 0.0)
+        self._yield_stress = np.full(body.nodes.count, UNLIMITED)
+        for law, cells in body.parts:
+            own = np.unique(body.nodes.mesh.geometry.dofmap[cells])
+            self._yield_stress[own] = np.minimum(law.yield_stress_at(strain[own]), UNLIMITED)
 
     def _elastic_increment(self, target: PETSc.Vec) -> None:
         """The increment by the tangent that bulk and contact have now; supports that move go along."""
@@ -151,20 +207,46 @@ class AssembledSolver(PlasticSolver):
         self._out_of_balance = load
         self._tangent_increment()
 
+    def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:
+        self._target, self._increments = target, 0
+        return super()._equilibrate(target, held, heat)
+
+    def _tangent_increment(self) -> None:
+        """The increment by the tangent; from the fourth on halved while it makes the imbalance worse."""
+        before = self._out_of_balance.norm()
+        super()._tangent_increment()
+        self._increments += 1
+        if self._increments < SEARCH_FROM:
+            return
+        for _ in range(HALVINGS):
+            self._respond()
+            if self._imbalance(self._target) < ENOUGH * before:
+                break
+            self._increment.x.array[:] *= 0.5
+            self.body.displacement.x.array[:] -= self._increment.x.array
+
     def _factorise_tangent(self) -> None:
+        now = [self._tangents] + [contact.tangents for contact in self.contacts]
+        known = self._factorised is not None and all(map(np.array_equal, now, self._factorised))
+        if total(self.body.nodes.comm, float(known)) == self.body.nodes.comm.size:
+            return
         self._write_tangent()
-        merged = self._matrix.copy()
-        for contact in self.contacts:
-            merged.axpy(1.0, contact.tangent(), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         if self._merged is None:
-            self._merged = merged
-            self._direct = DirectSolver(self._merged)
+            self._merged = self._matrix.copy()
+            structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         else:
-            merged.copy(self._merged, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            self._merged.zeroEntries()
+            structure = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+            self._merged.axpy(1.0, self._matrix, structure=structure)
+        for contact in self.contacts:
+            self._merged.axpy(1.0, contact.tangent(), structure=structure)
+        if self._direct is None:
+            self._direct = DirectSolver(self._merged, symmetric=not self._friction)
         self._direct.factorise()
+        self._factorised, self.factorisations = now, self.factorisations + 1
 
 
-def _declare(contact: BodyContact, interference: float | None) -> None:
+def _declare(contact: PartContactField, interference: float | None) -> None:
     """Points over the other part start with this overlap, mm, whatever gap the mesh has; nothing where it is None."""
     if interference is not None:
         contact.state.gap = np.where(np.isfinite(contact.state.gap), -interference, np.inf)
