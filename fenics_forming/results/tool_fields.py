@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..physics.contact.bodies import nodal_pressure
 from ..physics.parallel import highest, lowest, total
 
 
@@ -14,25 +15,13 @@ def point_data(field, contacts=()) -> dict[str, np.ndarray]:
     if field.body.yields:
         data["effective_strain"] = field.plastic_strain
     if contacts:
-        data["contact_pressure_MPa"] = sum(nodal_pressure(field.body.nodes, contact) for contact in contacts)
+        data["contact_pressure_MPa"] = sum(nodal_pressure(field.body.nodes, [contact]) for contact in contacts)
     return data
 
 
 def stresses(field) -> dict[str, np.ndarray]:
     """Components of the stress by name, such as "stress_rr_MPa"."""
     return {f"stress_{name}_MPa": values for name, values in zip(field.components, field.stress.T, strict=True)}
-
-
-def nodal_pressure(nodes, contact) -> np.ndarray:
-    """Weighted mean of the pressure between two parts at the nodes of the surface that holds its points, (nodes,) MPa."""
-    points = contact.points
-    corners, w = points.sides[:, : nodes.dim], contact.weights.reshape(-1, points.per_side)
-    w = np.where(np.isfinite(contact.state.gap).reshape(w.shape), w, 0.0)
-    share, load = (np.einsum("fq,qa->fa", values, points.hats).ravel()
-                   for values in (w, w * contact.state.pressure.reshape(w.shape)))
-    sums = np.stack([np.bincount(corners.ravel(), values, nodes.count) for values in (load, share)], axis=1)
-    sums = nodes.sum_over_ranks(sums)
-    return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(nodes.count), where=sums[:, 1] > 0)
 
 
 def contact_numbers(contact, comm) -> dict[str, float]:

@@ -131,7 +131,7 @@ class BodyContact:
         self.silence()
 
     def _build(self) -> None:
-        """Surface, gap, normal of the carriers, and their gap operator; rows of those over nothing are empty. Collective."""
+        """Surface, gap, normal and gap operator of the carriers; rows of those over nothing are empty. Collective."""
         dim, near, carriers, state = self.dim, np.flatnonzero(self._near), self.carriers, self.state
         side, facet = near // self.points.per_side, self._found.facet[near]
         self._share = np.where(self._near, self.point_weights, 0.0)[:, None] * np.tile(self.points.basis,
@@ -263,6 +263,18 @@ class BodyContact:
         pressure = self.carriers.at_corners(self.state.pressure)[:, : self.dim]
         surface = self._shares().sum(axis=1)[:, : self.dim]
         return pressure * surface, surface
+
+
+def nodal_pressure(nodes: Nodes, contacts) -> np.ndarray:
+    """Mean pressure of some contacts at the nodes of the surfaces that hold their points, (nodes,), MPa; zero elsewhere.
+    Collective."""
+    sums = np.zeros((nodes.count, 2))
+    for contact in contacts:
+        corners = contact.points.sides[:, : nodes.dim].ravel()
+        for column, values in enumerate(contact.corner_loads()):
+            sums[:, column] += np.bincount(corners, values.ravel(), nodes.count)
+    sums = nodes.sum_over_ranks(sums)
+    return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
 
 
 def _global(nodes: Nodes, local: np.ndarray) -> np.ndarray:

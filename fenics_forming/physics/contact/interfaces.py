@@ -11,7 +11,7 @@ from ..kinematics import Kinematics
 from ..nodes import Nodes
 from ..parallel import highest, total
 from . import point_law as law
-from .bodies import BodyContact
+from .bodies import BodyContact, nodal_pressure
 from .rigid import RigidContact
 
 REACH = 0.5      # of the size of a side: gaps up to this stay paired, so that sliding changes the pairing rarely
@@ -169,13 +169,7 @@ class Interfaces:
 
     def nodal_pressure(self) -> np.ndarray:
         """Pressure between bodies at the nodes (nodes,), MPa, on the surfaces that hold the points. Collective."""
-        sums = np.zeros((self._nodes.count, 2))
-        for contact in self.contacts:
-            corners = contact.points.sides[:, : self._nodes.dim].ravel()
-            for column, values in enumerate(contact.corner_loads()):
-                sums[:, column] += np.bincount(corners, values.ravel(), self._nodes.count)
-        sums = self._nodes.sum_over_ranks(sums)
-        return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
+        return nodal_pressure(self._nodes, self.contacts)
 
     # ------------------------------------------------------------------ memory
     def memory(self) -> dict[str, np.ndarray]:

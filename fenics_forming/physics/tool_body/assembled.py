@@ -106,7 +106,7 @@ class AssembledSolver(PlasticSolver):
         matrix.assemble()
         return self.body.nodal_forces(matrix.getDiagonal()).mean(axis=1)
 
-    def _per_area(self, contact: BodyContact, stiffness: np.ndarray) -> float:
+    def _per_area(self, contact: PartContactField, stiffness: np.ndarray) -> float:
         """Stiffness of the slave's nodes over the surface they share, N/mm³."""
         at_points = contact.points.trace(stiffness)
         weights = contact.point_weights
