@@ -26,7 +26,7 @@ from petsc4py import PETSc
 
 from ..kinematics import Kinematics
 from ..nodes import Nodes
-from ..parallel import total
+from ..parallel import lowest, total
 from ..surface import facet_sides
 from . import point_law as law
 from .capture import CapturingSurface
@@ -35,6 +35,8 @@ from .gap_operator import gap_operator
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
+ONE_FACE, OTHER_FACE = 0.85, 0.6      # cosine of normals of points to the mean: from where on they count, and up to where not
+FACE_STEPS = 3
 FACING = -0.2     # cosine between the normals of surfaces that can press on one another, at most
 
 
@@ -87,10 +89,12 @@ class BodyContact:
         self.G = self._K = self._inner = None
 
     # ------------------------------------------------------------------ pairing
-    def search(self, x: np.ndarray, dt: float, reach: float = np.inf) -> None:
+    def search(self, x: np.ndarray, dt: float, reach: float = np.inf, soon: float = np.inf, fade: float = 1.0) -> None:
         """Pair points and sides anew for nodes at ``x`` (nodes, dim); contact looks ahead by ``dt``, s. Collective.
 
         reach : gap, mm, beyond which a point meets nothing for now; carriers of none but such have no row in the operator
+        soon, fade : mm; points with a gap beyond ``soon`` count the less in their carriers the wider it is, a quarter where
+            it is wider by ``fade``: they press nothing yet, and must not hide what others overlap
         """
         start = perf_counter()
         self.dt = dt
@@ -102,10 +106,22 @@ class BodyContact:
         gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
         gap[gap > reach] = np.inf
         self.point_gap, self._near = gap, np.isfinite(gap)
-        self.carriers.group(self.points.corner_normals(x))
+        beyond = np.maximum(np.where(self._near, gap, 0.0) - soon, 0.0) / fade
+        self._counted = np.where(self._near, self.point_weights / (1.0 + beyond**2) ** 2, 0.0)
+        self._normals = self.points.corner_normals(x)
+        self._carry()
+        self.seconds += perf_counter() - start
+
+    def sharpen(self, flags: np.ndarray) -> None:
+        """Make edges of the slave sharp that were so in an earlier run (``Carriers.sharp_edges``). Collective."""
+        self.carriers.sharpen(flags)
+        self._carry()
+
+    def _carry(self) -> None:
+        """Carriers, what they see, and their operator, for the points of the last search. Collective."""
+        self.carriers.group(self._normals)
         self._follow_groups()
         self._build()
-        self.seconds += perf_counter() - start
 
     def pairs(self) -> np.ndarray:
         """What may press on one another, each pair as one number: a carrier, by its first corner, and a side of the master,
@@ -134,10 +150,10 @@ class BodyContact:
         """Surface, gap, normal and gap operator of the carriers; rows of those over nothing are empty. Collective."""
         dim, near, carriers, state = self.dim, np.flatnonzero(self._near), self.carriers, self.state
         side, facet = near // self.points.per_side, self._found.facet[near]
-        self._share = np.where(self._near, self.point_weights, 0.0)[:, None] * np.tile(self.points.basis,
-                                                                                      (len(self.points.sides), 1))
-        gap = np.where(self._near, self.point_gap, 0.0)
-        sums = self._sums(np.column_stack([np.ones_like(gap), gap, self._found.normal]))
+        self._share = self._counted[:, None] * np.tile(self.points.basis, (len(self.points.sides), 1))
+        self._keep_one_face()
+        sums = self._sums(np.column_stack([np.ones(len(self._near)), np.where(self._near, self.point_gap, 0.0),
+                                           self._found.normal]))
         weight, length = sums[:, 0], np.linalg.norm(sums[:, 2:], axis=1)
         over = (weight > 0) & (length > 0)
         mean = sums[:, 1:] / np.where(over, weight, 1.0)[:, None]
@@ -162,6 +178,18 @@ class BodyContact:
                               shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
                               dofs=np.concatenate([self._dofs[own], self._columns[facet]], axis=1),
                               free=np.concatenate([self._free[own], self._free_master[facet]], axis=1))
+
+    def _keep_one_face(self) -> None:
+        """Points whose normals are far from the mean of their carrier do not count in it: of two faces of the master, around
+        a sharp edge, a carrier keeps the one that more of it is over. Collective."""
+        sides = np.repeat(np.arange(len(self.points.sides)), self.points.per_side)
+        for _ in range(FACE_STEPS):
+            normal = self._sums(self._found.normal)
+            normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+            cosine = np.einsum("pki,pi->pk", normal[self.carriers.own[sides]], self._found.normal)
+            if lowest(self.nodes.comm, float(cosine[self._share > 0].min(initial=1.0))) >= ONE_FACE:
+                return
+            self._share = self._share * np.clip((cosine - OTHER_FACE) / (ONE_FACE - OTHER_FACE), 0.0, 1.0)
 
     def _sums(self, values: np.ndarray) -> np.ndarray:
         """Surface integrals over the hats of all carriers of values (points, c), (all carriers, c). Collective."""
@@ -258,11 +286,10 @@ class BodyContact:
         return total(self.nodes.comm, np.einsum("p,pij,pj->i", self.weights, self._back, self.traction))
 
     def corner_loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """What presses on the vertices of this rank's sides, N, and the surface that belongs to them, mm², both (f, dim).
+        """What presses on the nodes of this rank's sides, N, and the surface that belongs to them, mm², both (f, corners).
         Collective."""
-        pressure = self.carriers.at_corners(self.state.pressure)[:, : self.dim]
-        surface = self._shares().sum(axis=1)[:, : self.dim]
-        return pressure * surface, surface
+        surface = self._shares().sum(axis=1)
+        return self.carriers.at_corners(self.state.pressure) * surface, surface
 
 
 def nodal_pressure(nodes: Nodes, contacts) -> np.ndarray:
@@ -270,7 +297,7 @@ def nodal_pressure(nodes: Nodes, contacts) -> np.ndarray:
     Collective."""
     sums = np.zeros((nodes.count, 2))
     for contact in contacts:
-        corners = contact.points.sides[:, : nodes.dim].ravel()
+        corners = contact.points.corners.ravel()
         for column, values in enumerate(contact.corner_loads()):
             sums[:, column] += np.bincount(corners, values.ravel(), nodes.count)
     sums = nodes.sum_over_ranks(sums)

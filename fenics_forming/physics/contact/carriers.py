@@ -6,8 +6,8 @@ its hat see in the mean,
 .. math:: g_a=\sum_mW_{am}g_m,\qquad W_{am}=w_mN_a(x_m)\big/\sum_mw_mN_a(x_m)
 
 over the points m that are over the other body.  As there are fewer nodes than displacements of the surface, a hard penalty
-locks nothing, and the pressure is smooth.  A node of a sharp edge carries one traction for each of its faces: sides belong
-together where their normals at common nodes do.
+locks nothing, and the pressure is smooth.  A node of a sharp edge carries one traction for each of its faces; an edge that
+was sharp once stays one, as a corner that comes and goes would let the mean gaps jump.
 
 Where the surface is curved, the normal of a point is turned into that of its node, and the relative motion with it: so a
 pressure acts along the normal of the point, and what slides along the surface there slides along it at the node.
@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..parallel import total
 
-SMOOTH = 0.75       # cosine between normals of neighbouring sides at a common node, at least, of one smooth surface
+SMOOTH = 0.75       # cosine between normals of neighbouring sides at a common node; below it their edge is sharp
 
 
 class Carriers:
@@ -44,7 +44,8 @@ class Carriers:
         self._comm, self._shape = comm, numbers.shape
         before = comm.exscan(numbers.size) if comm.size > 1 else 0
         self._start = before if comm.rank > 0 else 0
-        self._joints = _joints(np.concatenate(comm.allgather(numbers)), dim)
+        self._edges, self._edge, self._joints = _joints(np.concatenate(comm.allgather(numbers)), dim)
+        self._sharp = np.zeros(self._edges.max(initial=-1) + 1, bool)
         self.corners = int(total(comm, float(numbers.size)))
         self.own_sides = self._start // numbers.shape[1] + np.arange(len(numbers))
         self._joined: np.ndarray | None = None
@@ -53,7 +54,8 @@ class Carriers:
         """Take corners together for unit normals of this rank's sides at them, (f, k, dim). Collective."""
         every = np.concatenate(self._comm.allgather(normals.reshape(-1, normals.shape[-1])))
         one, other = self._joints
-        joined = np.einsum("ji,ji->j", every[one], every[other]) > SMOOTH
+        self._sharp[self._edge[np.einsum("ji,ji->j", every[one], every[other]) < SMOOTH]] = True
+        joined = ~self._sharp[self._edge]
         if self._joined is not None and np.array_equal(joined, self._joined):
             return
         self._joined = joined
@@ -68,6 +70,18 @@ class Carriers:
         self.first, last = np.searchsorted(self.first_corner, [self._start, end])
         self.count = int(last - self.first)
         self.own = self.groups[self._start: end].reshape(self._shape)
+
+    def sharp_edges(self) -> np.ndarray:
+        """1 at the first corners of this rank's sides, the vertices, where the edge opposite to it is sharp; else 0, (f, k)."""
+        flags = np.zeros(self._shape)
+        own = self._edges[self.own_sides]
+        flags[:, : own.shape[1]] = self._sharp[own]
+        return flags
+
+    def sharpen(self, flags: np.ndarray) -> None:
+        """Make edges sharp that were so in an earlier run (:meth:`sharp_edges`). Collective."""
+        every = np.concatenate(self._comm.allgather(flags[:, : self._edges.shape[1]]))
+        self._sharp[self._edges[every > 0.5]] = True
 
     # ------------------------------------------------------------------ values
     def sums(self, at_corners: np.ndarray) -> np.ndarray:
@@ -101,17 +115,18 @@ def means(values: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
     return (found / np.bincount(groups, minlength=count)[:, None]).reshape(count, *values.shape[1:])
 
 
-def _joints(numbers: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of corners at one node of two sides (f, k) with a common edge (in the plane: end)."""
+def _joints(numbers: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Of sides with nodes (f, k), the vertices first: the number of the edge (in the plane: end) opposite to each vertex,
+    (f, dim); and pairs of corners at one node of two sides with a common edge: that edge, and the two corners."""
     vertices = numbers[:, :dim]
     edges = np.sort(np.stack([np.delete(vertices, j, axis=1) for j in range(dim)], axis=1), axis=2).reshape(-1, dim - 1)
     _, edge = np.unique(edges, axis=0, return_inverse=True)
     order = np.argsort(edge.ravel(), kind="stable")
     together = np.flatnonzero(edge.ravel()[order][1:] == edge.ravel()[order][:-1])
-    one, other = order[together] // dim, order[together + 1] // dim
+    one, other, shared = order[together] // dim, order[together + 1] // dim, edge.ravel()[order[together]]
     pair, a, b = np.nonzero(numbers[one][:, :, None] == numbers[other][:, None, :])
     k = numbers.shape[1]
-    return one[pair] * k + a, other[pair] * k + b
+    return edge.reshape(-1, dim), shared[pair], (one[pair] * k + a, other[pair] * k + b)
 
 
 def turning(start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from .bodies import BodyContact, nodal_pressure
 from .rigid import RigidContact
 
 REACH = 0.5      # of the size of a side: gaps up to this stay paired, so that sliding changes the pairing rarely
+FADE = 0.1       # of the size of a side: wider gaps, of what cannot close in a step, count little in the mean of a node
 TRAVEL = 4.0     # times the way of the tools in a step: a gap beyond cannot close in it
 
 
@@ -67,7 +68,7 @@ class Interfaces:
         """Pair all points anew for nodes at ``x``, of which none comes nearer than ``speed`` allows. Collective."""
         new = False
         for k, (contact, size) in enumerate(zip(self.contacts, self._size, strict=True)):
-            contact.search(x, dt, max(TRAVEL * speed * dt, REACH * size))
+            contact.search(x, dt, max(TRAVEL * speed * dt, REACH * size), speed * dt, FADE * size)
             new |= not np.isin(contact.pairs(), self._known[k]).all()
         if highest(self._nodes.comm, float(new)):
             self.has_new_pairs = True
@@ -173,12 +174,13 @@ class Interfaces:
 
     # ------------------------------------------------------------------ memory
     def memory(self) -> dict[str, np.ndarray]:
-        """What the next solve starts from, pair by pair, (corners of the slave's sides, 2 + dim): pressure, grip, friction
-        stress. Collective."""
+        """What the next solve starts from, pair by pair, (corners of the slave's sides, 3 + dim): pressure, grip, friction
+        stress, sharp edges. Collective."""
         found = {}
         for name, contact in self.by_name.items():
             state = contact.state
             rows = contact.carriers.at_corners(np.column_stack([state.pressure, state.grip, state.friction_stress]))
+            rows = np.concatenate([rows, contact.carriers.sharp_edges()[..., None]], axis=2)
             found[name] = rows.reshape(-1, rows.shape[-1])
         return found
 
@@ -187,8 +189,10 @@ class Interfaces:
         unknowns = self._unknowns_of(velocity)
         for name, contact in self.by_name.items():
             state, corners = contact.state, contact.points.corners.shape
-            of_pair = contact.carriers.from_corners(memory[name].reshape(*corners, memory[name].shape[1]))
-            state.pressure, state.grip, state.friction_stress = of_pair[:, 0], of_pair[:, 1], of_pair[:, 2:]
+            rows = memory[name].reshape(*corners, memory[name].shape[1])
+            contact.sharpen(rows[..., -1])
+            of_pair = contact.carriers.from_corners(rows)
+            state.pressure, state.grip, state.friction_stress = of_pair[:, 0], of_pair[:, 1], of_pair[:, 2:-1]
             state.active = state.pressure > 0
             state.slip = law.slip_velocity(state, contact.relative(unknowns))
 

@@ -21,7 +21,7 @@ class SlavePoints:
     Parameters
     ----------
     sides : (f, 3 | 6) nodes of this rank's sides, turned as ``physics.surface`` wants them
-    element : "integration_point": many points in a side, traction linear between its vertices; "node": the nodes themselves
+    element : "integration_point": many points in a side, traction linear between its nodes; "node": the nodes themselves
 
     Attributes
     ----------
@@ -39,8 +39,8 @@ class SlavePoints:
             self.basis, self.corners, places = np.eye(len(points)), sides, points
         else:
             points, self._weights = _in_parts(cell, dim)
-            self.basis = hats.tabulate(0, points)[0, :, :, 0]
-            self.corners, places = sides[:, :dim], shapes.points[:dim]
+            self.basis = _halved(hats.tabulate(0, points)[0, :, :, 0])
+            self.corners, places = sides, shapes.points
         table = shapes.tabulate(1, points)[..., 0]
         self.shape, self._gradient = table[0], table[1:]
         self._gradient_at_corners = shapes.tabulate(1, places)[1:, :, :, 0]
@@ -73,6 +73,16 @@ class SlavePoints:
     def points_from(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The corners as seen from the vertices in rising order of ``rows`` (nodes,), as ``ContactFacets.points_from``."""
         return seen_from_vertices(rows[self.sides[:, : self.dim]], self._places)
+
+
+def _halved(inner: np.ndarray) -> np.ndarray:
+    """Functions of barycentric coordinates (p, dim) that are 1 at one node of a quadratic side and linear in each half
+    (quarter) of it: those of the vertices, then of the mid-nodes, (p, 3 | 6)."""
+    at_vertices = np.maximum(2 * inner - 1, 0.0)
+    middle = 1 - at_vertices.sum(axis=1, keepdims=True)
+    if inner.shape[1] == 3:
+        middle = middle - 2 * inner + 2 * at_vertices
+    return np.concatenate([at_vertices, middle], axis=1)
 
 
 def _in_parts(cell, dim: int) -> tuple[np.ndarray, np.ndarray]:
