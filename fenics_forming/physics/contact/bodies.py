@@ -35,7 +35,7 @@ from .gap_operator import gap_operator
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
-ONE_FACE, OTHER_FACE = 0.85, 0.6      # cosine of normals of points to the mean: from where on they count, and up to where not
+ONE_FACE, OTHER_FACE = 0.85, 0.6     # cosines between normals of points and their mean: they count, and do not
 FACE_STEPS = 3
 FACING = -0.2     # cosine between the normals of surfaces that can press on one another, at most
 
@@ -76,6 +76,7 @@ class BodyContact:
         self.friction, self.interference = friction, interference
         self.slip_regularisation = self.slip0 = slip_regularisation
         self.coefficient = self.dt = 1.0
+        self._guessed = False       # whether the last response closed carriers on suspicion: they open without ado
         self.seconds = 0.0
         self._numbers = _everywhere(nodes.comm, _global(nodes, self._master))
         self._columns = _everywhere(nodes.comm, dofs[self._master])
@@ -180,8 +181,8 @@ class BodyContact:
                               free=np.concatenate([self._free[own], self._free_master[facet]], axis=1))
 
     def _keep_one_face(self) -> None:
-        """Points whose normals are far from the mean of their carrier do not count in it: of two faces of the master, around
-        a sharp edge, a carrier keeps the one that more of it is over. Collective."""
+        """Points whose normals are far from the mean of their carrier do not count in it: of two faces of the master around
+        a sharp edge a carrier keeps the one that more of it is over. Collective."""
         sides = np.repeat(np.arange(len(self.points.sides)), self.points.per_side)
         for _ in range(FACE_STEPS):
             normal = self._sums(self._found.normal)
@@ -220,12 +221,12 @@ class BodyContact:
         traction, tangent = law.normal_response(state, self.coefficient)
         if self.has_friction:
             slip = law.slip_velocity(state, relative)
-            law.follow_contact(state, before if again else None)
+            law.follow_contact(state, before if again and not self._guessed else None)
             limit = self._limit(flow_stress)
             law.update_friction_stress(state, slip, limit, self.slip0)
             along, along_tangent = law.friction_response(state, limit, self.slip0)
             traction, tangent = traction + along, tangent + along_tangent
-        self.traction, self._tangent = traction, tangent
+        self.traction, self._tangent, self._guessed = traction, tangent, touching is not None
 
     @property
     def has_friction(self) -> bool:
@@ -235,7 +236,11 @@ class BodyContact:
         """A nodal field (nodes,) at the carriers, the less of the two bodies' values there, (carriers,). Collective."""
         master = _everywhere(self.nodes.comm, nodal[self._master])[self._found.facet]
         less = np.minimum(self.points.trace(nodal), np.einsum("pa,pa->p", self._found.shapes, master))
-        return self.carriers.mine(self._sums(less[:, None])[:, 0]) / np.where(self.weights > 0, self.weights, 1.0)
+        return self.mean(less)
+
+    def mean(self, at_points: np.ndarray) -> np.ndarray:
+        """Values at the points (points,) averaged over the hats of the carriers, (carriers,). Collective."""
+        return self.carriers.mine(self._sums(at_points[:, None])[:, 0]) / np.where(self.weights > 0, self.weights, 1.0)
 
     def silence(self) -> None:
         """No traction: for the stiffness of the bodies alone."""

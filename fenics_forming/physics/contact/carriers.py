@@ -72,7 +72,7 @@ class Carriers:
         self.own = self.groups[self._start: end].reshape(self._shape)
 
     def sharp_edges(self) -> np.ndarray:
-        """1 at the first corners of this rank's sides, the vertices, where the edge opposite to it is sharp; else 0, (f, k)."""
+        """1 at the vertices of this rank's sides with a sharp edge opposite to them, else 0, (f, corners)."""
         flags = np.zeros(self._shape)
         own = self._edges[self.own_sides]
         flags[:, : own.shape[1]] = self._sharp[own]

@@ -35,30 +35,30 @@ class Hold:
     slips: np.ndarray
 
 
-def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.ndarray, *, stiffness: float,
-         penalty: float, slips: np.ndarray | None = None) -> Hold:
+def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.ndarray, *, stiffness: np.ndarray,
+         penalty: np.ndarray, slips: np.ndarray | None = None) -> Hold:
     """Friction for relative displacements (points, dim), a limit (points,) and its derivative by the pressure.
 
-    stiffness : along the surface, penalty : across it, both N/mm³; ``state.slip`` is s_h, ``state.friction_stress`` lambda
+    stiffness : along the surface, penalty : across it, both (points,) N/mm³; ``state.slip`` is s_h, ``state.friction_stress`` lambda
     slips : (points,) which slip and which hold, where that is not to be found
     """
     n = state.normal
     projector = np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :]
     along = np.einsum("pij,pj->pi", projector, relative)
-    trial = np.einsum("pij,pj->pi", projector, state.friction_stress) - stiffness * (along - state.slip)
+    trial = np.einsum("pij,pj->pi", projector, state.friction_stress) - stiffness[:, None] * (along - state.slip)
     length = np.linalg.norm(trial, axis=1)
     slips = state.active & (length > limit if slips is None else slips)
     share = np.divide(limit, length, out=np.ones_like(length), where=slips & (length > 0))
     direction = np.divide(trial, length[:, None], out=np.zeros_like(trial), where=(slips & (length > 0))[:, None])
-    tangent = stiffness * share[:, None, None] * (projector - direction[:, :, None] * direction[:, None, :])
+    tangent = (stiffness * share)[:, None, None] * (projector - direction[:, :, None] * direction[:, None, :])
     tangent += (np.where(slips, rise, 0.0) * penalty)[:, None, None] * direction[:, :, None] * n[:, None, :]
     closed = state.active.astype(float)
     return Hold((closed * share)[:, None] * trial, closed[:, None, None] * tangent, along, slips)
 
 
-def held_places(state: PointState, found: Hold, stiffness: float) -> np.ndarray:
+def held_places(state: PointState, found: Hold, stiffness: np.ndarray) -> np.ndarray:
     """Where points hold from now on, (points, dim): those that slipped where they came to, open ones where they are."""
-    slid = found.along - (state.friction_stress - found.traction) / stiffness
+    slid = found.along - (state.friction_stress - found.traction) / stiffness[:, None]
     return np.where(found.slips[:, None], slid, np.where(state.active[:, None], state.slip, found.along))
 
 

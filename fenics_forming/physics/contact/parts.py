@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from ..parallel import highest, total
+from ..parallel import highest, lowest, total
 from . import point_law as law
 from .bodies import BodyContact
 from .holding import Hold, augmented, held_places, hold
@@ -20,6 +20,7 @@ class PartContactField(BodyContact):
 
     Attributes
     ----------
+    coefficient : (carriers,) penalty, N/mm³
     friction_work, interference_work : mJ of this rank, done since the start by friction (a loss), and by the normal
         tractions (what an interference gives to the parts)
     """
@@ -55,6 +56,10 @@ class PartContactField(BodyContact):
                               slips=self._hold.slips if same else None)
             self.traction = self.traction + self._hold.traction
             self._tangent = self._tangent + self._hold.tangent
+
+    def least_gap(self) -> float:
+        """The least gap of a carrier, mm; infinite where none is over the other part. Collective."""
+        return lowest(self.nodes.comm, float(self.state.gap.min(initial=np.inf)))
 
     def accept(self) -> None:
         """The state of the last trial is that of the parts now."""

@@ -24,7 +24,8 @@ from .elastic import set_held_rows
 from .field import at_nodes
 from .plastic import PlasticSolver, ToolSettings
 
-TOUCHING = 1e-9     # of the size of the tool: parts that touch at the start hold each other in the first iteration
+TOUCHING = 1e-9     # of the size of the tool: parts that touch at the start hold each other in the first iteration, those
+                    # with a gap where it is least: nothing else may hold them
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
@@ -106,13 +107,14 @@ class AssembledSolver(PlasticSolver):
         matrix.assemble()
         return self.body.nodal_forces(matrix.getDiagonal()).mean(axis=1)
 
-    def _per_area(self, contact: PartContactField, stiffness: np.ndarray) -> float:
-        """Stiffness of the slave's nodes over the surface they share, N/mm³."""
-        at_points = contact.points.trace(stiffness)
-        weights = contact.point_weights
-        side = weights.reshape(-1, contact.points.per_side).sum(axis=1).repeat(contact.points.per_side)
-        sums = total(self.body.nodes.comm, np.array([(at_points * weights).sum(), (side * weights).sum()]))
-        return float(sums[0] / sums[1])
+    def _per_area(self, contact: PartContactField, stiffness: np.ndarray) -> np.ndarray:
+        """Stiffness of the nodes of a side over its surface, mean over the sides of every carrier, (carriers,), N/mm³: where
+        the mesh is fine the surface is stiff."""
+        shape = len(contact.points.sides), contact.points.per_side
+        at_points, weights = contact.points.trace(stiffness).reshape(shape), contact.point_weights.reshape(shape)
+        surface = weights.sum(axis=1)
+        of_side = np.einsum("fq,fq->f", at_points, weights) / surface**2
+        return np.where(contact.weights > 0, contact.mean(of_side.repeat(shape[1])), 1.0)     # of those over nothing: any
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
@@ -171,8 +173,8 @@ class AssembledSolver(PlasticSolver):
         vector = super().internal_forces()
         for contact in self.contacts:
             limit = contact.softer(self._yield_stress) if self._limited and contact.has_friction else None
-            contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=self._touching,
-                            same=self._same)
+            touching = None if self._touching is None else max(self._touching, contact.least_gap())
+            contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=touching, same=self._same)
             vector.axpy(-1.0, contact.forces())
         return vector
 
@@ -206,6 +208,11 @@ class AssembledSolver(PlasticSolver):
         set_held_rows(body, load, body.displacement)
         self._out_of_balance = load
         self._tangent_increment()
+
+    def _usual_force(self, target: PETSc.Vec) -> float:
+        """See `PlasticSolver._usual_force`; without the forces after the first increment, which flings off what contact does
+        not hold yet."""
+        return max(self._largest_force, target.norm(), self._driving)
 
     def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:
         self._target, self._increments = target, 0
