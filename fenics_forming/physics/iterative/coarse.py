@@ -7,14 +7,14 @@ from itertools import count
 import numpy as np
 from petsc4py import PETSc
 
+from .everywhere import Everywhere
 from .pattern import Pattern
 from .sharing import Shared
 
 _NUMBER = count()
-# Notes of the measurements: benchmarks/solver3d.py. A prefix of its own for every solver, and never deleted: GAMG reads the
-# options of its levels anew at each set-up.
+# A prefix of its own for every solver, and never deleted: GAMG reads the options of its levels anew at each set-up.
 OPTIONS = {"pc_type": "gamg", "pc_gamg_threshold": "0.0", "mg_levels_ksp_type": "chebyshev", "mg_levels_ksp_max_it": "2",
-           "mg_levels_pc_type": "bjacobi"}
+           "mg_levels_pc_type": "ilu"}
 
 
 class CoarseSolver:
@@ -22,34 +22,32 @@ class CoarseSolver:
 
     Parameters
     ----------
-    pattern, shared : of the vertices; free (vertices, 3) 1 where the velocity is sought
+    pattern, shared : of the vertices; free (vertices, 3) 1 where the velocity is sought; x (vertices, 3) where they are
     """
 
-    def __init__(self, pattern: Pattern, shared: Shared, free: np.ndarray):
+    def __init__(self, pattern: Pattern, shared: Shared, free: np.ndarray, x: np.ndarray):
         self.pattern, self._shared = pattern, shared
-        self.diagonal = np.zeros((shared.count, 9))
-        self.upper = np.zeros((len(pattern.columns), 9))
-        self._free = free
-        self._create()
+        self._blocks = np.zeros((shared.count + len(pattern.columns), 9))
+        self.diagonal, self.upper = self._blocks[: shared.count], self._blocks[shared.count:]
+        self._all = Everywhere(pattern, shared, x)
+        self._kept = self._all.gather(free).ravel() > 0
+        self._ksp: PETSc.KSP | None = None
+
+    def clear(self) -> None:
+        self._blocks[:] = 0.0
 
     def _create(self):
-        shared, rows, columns = self._shared, self.pattern.rows, self.pattern.columns
-        every = np.arange(shared.count, dtype=np.int32)
-        i, j = np.concatenate([every, rows, columns]), np.concatenate([every, columns, rows])
-        self._order = np.lexsort((j, i))
-        self._columns = j[self._order].astype(PETSc.IntType)
-        self._starts = np.searchsorted(i[self._order], np.arange(shared.count + 1)).astype(PETSc.IntType)
-        kept = self._free[i][:, :, None] * self._free[j][:, None, :]
-        kept[: shared.count] = np.maximum(kept[: shared.count], np.eye(3))
-        self._kept = kept.reshape(-1, 9)[self._order]
-        size = ((3 * shared.owned, None), (3 * shared.owned, None))
-        self.matrix = A = PETSc.Mat().create(comm=shared.comm)
-        A.setSizes(size, 3)
-        A.setType("aij")
-        numbers = shared.map.local_to_global(every).astype(PETSc.IntType)
-        A.setLGMap(PETSc.LGMap().create(numbers, bsize=3, comm=shared.comm))
-        A.setUp()
-        self._ksp = PETSc.KSP().create(shared.comm)
+        whole, three = self._all, np.arange(3)
+        width = np.diff(whole.starts)
+        starts = np.append(0, np.cumsum(np.repeat(3 * width, 3))).astype(PETSc.IntType)
+        columns = (3 * whole.columns[:, None] + three).astype(PETSc.IntType)
+        rows = [np.tile(part.ravel(), 3) for part in np.split(columns, whole.starts[1:-1])]
+        self._values = np.zeros(9 * len(whole.columns))
+        size = 3 * whole.count
+        self.matrix = PETSc.Mat().createAIJWithArrays(
+            (size, size), (starts, np.concatenate(rows), self._values), comm=PETSc.COMM_SELF)
+        self.matrix.setBlockSize(3)
+        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
         prefix = f"forming_coarse_{next(_NUMBER)}_"
         options = PETSc.Options(prefix)
         for name, value in OPTIONS.items():
@@ -57,48 +55,37 @@ class CoarseSolver:
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setType("preonly")
         self._ksp.setFromOptions()
-        self._b, self._x = A.createVecs()
-
-    def clear(self) -> None:
-        self.diagonal[:] = 0.0
-        self.upper[:] = 0.0
+        self._b, self._x = self.matrix.createVecs()
 
     def place(self, x: np.ndarray) -> None:
         """Take over the positions (vertices, 3) of the vertices: the rigid-body motions belong to them. Collective."""
-        mine = x[: self._shared.owned] * 1.0
-        comm = self._shared.comm
-        middle = comm.allreduce(mine.sum(axis=0)) / comm.allreduce(len(mine))
-        a = mine - middle
-        a = a / max(float(np.sqrt(comm.allreduce(float((a**2).sum())))), 1e-300)
-        modes = np.zeros((6, len(mine), 3))
+        self._places = self._all.gather(x)
+
+    def _rigid_motions(self) -> PETSc.NullSpace:
+        a = self._places - self._places.mean(axis=0)
+        modes = np.zeros((6, len(a), 3))
         for k in range(3):
             modes[k, :, k] = 1.0
             i, j = (k + 1) % 3, (k + 2) % 3
             modes[3 + k, :, i], modes[3 + k, :, j] = -a[:, j], a[:, i]
-        basis = []
-        for mode in modes.reshape(6, -1):
-            v = self.matrix.createVecLeft()
-            v.array[:] = mode
-            for other in basis:
-                v.axpy(-v.dot(other), other)
-            v.normalize()
-            basis.append(v)
-        self.matrix.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=comm))
+        basis = np.linalg.qr(modes.reshape(6, -1).T)[0].T
+        return PETSc.NullSpace().create(vectors=[PETSc.Vec().createWithArray(v.copy(), comm=PETSc.COMM_SELF) for v in basis],
+                                        comm=PETSc.COMM_SELF)
 
     def prepare(self) -> None:
         """Take over the present values and set the V-cycle up. Collective."""
-        turned = self.upper.reshape(-1, 3, 3).swapaxes(1, 2).reshape(-1, 9)
-        values = np.concatenate([self.diagonal, self.upper, turned])[self._order] * self._kept
-        self.matrix.zeroEntries()
-        self.matrix.setValuesBlockedLocalCSR(self._starts, self._columns, values.ravel(), PETSc.InsertMode.ADD_VALUES)
-        self.matrix.assemble()
+        if self._ksp is None:
+            self._create()
+        self._all.gather_blocks(self._blocks, self._kept, self._values)
+        self.matrix.stateIncrease()
+        if self._places is not None:
+            self.matrix.setNearNullSpace(self._rigid_motions())
+            self._places = None
         self._ksp.setOperators(self.matrix)
         self._ksp.setUp()
 
     def solve(self, r: np.ndarray) -> np.ndarray:
-        """Velocities (vertices, 3), for all copies, of a residual of which the owners' part counts."""
-        self._b.array[:] = r[: self._shared.owned].ravel()
+        """Velocities (vertices, 3), for all copies, of a residual of which the owners' part counts. Collective."""
+        self._b.array[:] = self._all.gather(r).ravel()
         self._ksp.solve(self._b, self._x)
-        x = np.empty_like(r)
-        x[: self._shared.owned] = self._x.array.reshape(-1, 3)
-        return self._shared.hand_on(x)
+        return self._x.array.reshape(-1, 3)[self._all.numbers]

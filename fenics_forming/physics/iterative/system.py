@@ -48,7 +48,8 @@ class IterativeSystem:
         self.block = VelocityBlock(Pattern(n.cells, nodes.count), nodes, anything)
         self.block.free[:] = free[workpiece.velocity_dofs]
         linear = Pattern(self._corners, vertices.count)
-        self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes])
+        self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes],
+                                   n.x[self._vertex_nodes])
         self.mass = PressureMass(linear, vertices)
         self.mass.free[:] = free[workpiece.pressure_dofs[self._vertex_nodes]]
         self.divergence = Divergence(Incidence(self._corners, n.cells, vertices.count, nodes.count), vertices, nodes)
