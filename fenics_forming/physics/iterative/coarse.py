@@ -13,7 +13,8 @@ from .sharing import Shared
 
 _NUMBER = count()
 # A prefix of its own for every solver, and never deleted: GAMG reads the options of its levels anew at each set-up.
-OPTIONS = {"pc_type": "gamg", "pc_gamg_threshold": "0.0", "mg_levels_ksp_type": "chebyshev", "mg_levels_ksp_max_it": "2",
+# One step with ILU(0) needs no eigenvalues: a quarter less to set up than two of Chebyshev with it, for as many iterations.
+OPTIONS = {"pc_type": "gamg", "pc_gamg_threshold": "0.0", "mg_levels_ksp_type": "richardson", "mg_levels_ksp_max_it": "1",
            "mg_levels_pc_type": "ilu"}
 
 
@@ -69,8 +70,8 @@ class CoarseSolver:
             i, j = (k + 1) % 3, (k + 2) % 3
             modes[3 + k, :, i], modes[3 + k, :, j] = -a[:, j], a[:, i]
         basis = np.linalg.qr(modes.reshape(6, -1).T)[0].T
-        return PETSc.NullSpace().create(vectors=[PETSc.Vec().createWithArray(v.copy(), comm=PETSc.COMM_SELF) for v in basis],
-                                        comm=PETSc.COMM_SELF)
+        vectors = [PETSc.Vec().createWithArray(v.copy(), comm=PETSc.COMM_SELF) for v in basis]
+        return PETSc.NullSpace().create(vectors=vectors, comm=PETSc.COMM_SELF)
 
     def prepare(self) -> None:
         """Take over the present values and set the V-cycle up. Collective."""
