@@ -16,6 +16,7 @@ from .approach import NEAR, time_to_contact
 from .frozen import FrozenField
 from .integration import Flow
 from .machines import Rams
+from .moving import follow_weight
 from .shifting import put_on_tools
 from .volume import FreeSurface, Restored
 
@@ -274,6 +275,8 @@ class FlowingBody:
             self.inertia.begin(self, time, dt)
             tied = None         # inertia says which of all possible flows it is, and rates may jump
         else:
+            if self.workpiece.mass is not None:
+                follow_weight(self)
             tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
             self._follow_speed()
         solve = partial(self.solver.solve, strain=history["effective_strain"], characteristic_rate=characteristic_rate,

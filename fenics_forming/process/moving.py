@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import ConvergenceError
 from ..physics.nodes import Nodes
+from ..physics.parallel import lowest
 from ..scene import Scene
+from .approach import NEAR
 
 
 def mass_of(scene: Scene, parts=None):
@@ -33,3 +36,18 @@ def velocity_of(scene: Scene, nodes: Nodes, parts=None) -> np.ndarray | None:
             mine = slice(None) if parts is None else parts.of_node == number
             velocity[mine] = body.initial_velocity.at(nodes.x[mine], scene.geometry)
     return velocity
+
+
+def follow_weight(body) -> None:
+    """Make the weight of a `FlowingBody` without inertia ready for a solve.
+
+    Raises
+    ------
+    ConvergenceError
+        if it touches no tool: what falls needs inertia.
+    """
+    body.workpiece.mass.follow()
+    nearest = min((float(tool.state.gap.min(initial=np.inf)) for tool in body.tools), default=np.inf)
+    if lowest(body.nodes.comm, nearest) > NEAR * body.size:
+        raise ConvergenceError("no tool touches the body, and nothing else holds it against its weight",
+                               advice="process.inertia = true lets it fall until it rests on a tool")
