@@ -17,12 +17,12 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from .gravity import GRAVITY
 from .nodes import Nodes
 from .parallel import total
 from .terms import inertia, weight_power
 
 DEGREE = 4          # exact for the product of quadratic velocities in straight cells; enough points that M is regular
-GRAVITY = 9806.65   # mm/s²
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import ConvergenceError
 from ..physics.contact.rigid import RigidContact, ToolMotion
+from ..physics.gravity import GRAVITY
 from ..physics.newton import FlowSolver
 from ..physics.parallel import highest, lowest, total
 from ..physics.workpiece import Workpiece
@@ -192,6 +193,8 @@ class FlowingBody:
             speed = self.inertia.speed(self.tools, self.contact.facets.trace, speed, dt)
         if speed > 0:
             self.speed = speed
+        elif self.speed == 0.0 and self.workpiece.mass is not None:
+            self.speed = GRAVITY * dt       # nothing moves yet but what falls
         self.contact.set_speed(self.speed)
         if self.interfaces is not None:
             self.interfaces.search(self.x, dt, self.speed)

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.mass import GRAVITY, Mass
+from ..physics.gravity import GRAVITY
+from ..physics.mass import Mass
 from ..physics.parallel import highest
 from .integration import Flow
 
@@ -62,7 +63,7 @@ class Inertia:
         self.is_start = True
         self._of_start = _Sums(mass.momentum(velocity), {"kinetic": mass.kinetic_energy(velocity)})
         self._settled = self._last = _Sums(np.zeros(mass.nodes.dim), {})    # a second solve at a time replaces the last
-        self._half: tuple[Moment, _Sums] | None = None      # a step half done: where it began, what its first half booked
+        self._half: tuple[Moment, _Sums, float] | None = None   # where a step began, what its first half booked, its middle
         self._carried: np.ndarray | None = None     # after a change of mesh: of the last flow, what it carries besides
         self._kept: tuple[np.ndarray, float] | None = None      # momentum and kinetic energy before that change
         self._speed = self._speed_before = self._greatest = 0.0
@@ -136,9 +137,9 @@ class Inertia:
         if self.is_start:
             self._forget_loads(body)
         elif halfway:
-            self._half = self.before, self._last
-        elif self._half is not None and self.before.time > self._half[0].time:
-            self._centre(*self._half)
+            self._half = self.before, self._last, time
+        elif self._half is not None and self._half[2] == self.before.time:
+            self._centre(*self._half[:2])
 
     def _centre(self, start: Moment, first: _Sums) -> None:
         r"""Carry on with the velocity that belongs to the middle of the step, as far as the motion is smooth.
@@ -241,11 +242,12 @@ class Inertia:
 
     def memory(self) -> tuple[dict, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Numbers, nodal arrays and values per cell, by name, that a run goes on from."""
-        began, first = self._half or (self.before, self._last)
+        began, first, _ = self._half or (self.before, self._last, 0.0)
         sums = {name: {"impulse": s.impulse.tolist(), "energies": s.energies} for name, s in
                 (("start", self._of_start), ("settled", self._settled), ("last", self._last), ("first", first))}
         numbers = {"times": [began.time, self.before.time, self.now.time], "is_start": self.is_start, "sums": sums,
-                   "speeds": [self._speed, self._speed_before, self._greatest], "has_halves": self._half is not None}
+                   "speeds": [self._speed, self._speed_before, self._greatest],
+                   "has_halves": self._half is not None and self._half[2] == self.before.time}
         velocities = {"began": began, "before": self.before, "now": self.now}
         return numbers, {f"{name}.velocity": moment.velocity for name, moment in velocities.items()}, \
             {"mass": self.mass.of_points}
@@ -257,7 +259,7 @@ class Inertia:
         self._of_start, self._settled, self._last, first = (
             _Sums(np.array(numbers["sums"][n]["impulse"]), numbers["sums"][n]["energies"])
             for n in ("start", "settled", "last", "first"))
-        self._half = (began, first) if numbers["has_halves"] else None
+        self._half = (began, first, self.before.time) if numbers["has_halves"] else None
         self.is_start = numbers["is_start"]
         self._speed, self._speed_before, self._greatest = numbers["speeds"]
         self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)

@@ -177,7 +177,7 @@ SCENE = """
                            "fenics_forming.results.plotting3d")
     answer["remeshing"] = [name for name in sys.modules if name == "mmgpy" or name.startswith("fenics_forming.") and
                            name.endswith((".mesh_keeper", ".triggers", ".transfer", ".adaptation", ".plane", ".solid",
-                                          ".mmg", ".assembling", ".interfaces"))]
+                                          ".mmg", ".assembling", ".interfaces", ".mass", ".inertia"))]
     answer["dolfinx"] = "dolfinx" in sys.modules
     answer["steps"] = len(results.history)
     print(json.dumps(answer))
