@@ -93,7 +93,7 @@ class FlowingBody:
 
     def settle(self, time: float) -> None:
         """A step has ended at ``time``: what tools have moved by themselves is where their next motions start."""
-        self.rams.arrive(time)
+        self.rams.arrive(self.tools, time)
         for tool in self.tools:
             if tool.free is not None:
                 tool.free.settle(time)

@@ -47,12 +47,15 @@ class Rams:
         """The forces of a solve at ``time``. Collective."""
         for tool in () if contact is None else contact.tools:
             if (ram := self.by_tool.get(tool.name)) is not None:
-                ram.feel(time, float(contact.force(tool) @ ram.direction))
+                yielding = 0.0 if tool.free is None else float(contact.along_motions(tool, tool.free) @ tool.free.rate)
+                ram.feel(time, float(contact.force(tool) @ ram.direction), yielding)
 
-    def arrive(self, time: float) -> None:
-        """A step has ended at ``time``."""
-        for ram in self.by_tool.values():
-            ram.arrive(time)
+    def arrive(self, tools: list, time: float) -> None:
+        """A step has ended at ``time``; what yields is not settled there yet."""
+        for tool in tools:
+            if (ram := self.by_tool.get(tool.name)) is not None:
+                ram.arrive(time, 0.0 if tool.free is None else _stored(tool.free, tool.free.at(time)) -
+                           _stored(tool.free, tool.free.displacement))
 
     @property
     def time_left(self) -> float:
@@ -73,14 +76,20 @@ class Rams:
         return {name: ram.ledger() for name, ram in self.by_tool.items()}
 
 
+def _stored(free, displacement) -> float:
+    """Elastic energy of what yields with a displacement (n,), mJ."""
+    return 0.5 * float(displacement @ free.stiffness @ displacement)
+
+
 @dataclass
 class RamState:
     """Where a ram is in its blows, at the time ``since``, s.
 
     travelled : stroke, mm · speed, mm/s, and slowing, mm/s², with which it goes on · pace : mean speed of the step that is
     tried, mm/s, else None · left : energy of the present blow, mJ
-    work : given to the body, mJ · blow : number of blows that are over · next : time of the next blow in a pause, else None
-    felt : the last two forces of the body on the tool, N, with their times · turns : ends of blows and of pauses, s
+    work : given to the body, mJ · stored : energy in the press frame, mJ · blow : number of blows that are over
+    next : time of the next blow in a pause, else None · turns : ends of blows and of pauses, s
+    felt : (time, s, force on the body, N, power of the force on what yields, mW) of the last two solves
     """
 
     left: float
@@ -90,6 +99,7 @@ class RamState:
     slowing: float = 0.0
     pace: float | None = None
     work: float = 0.0
+    stored: float = 0.0
     blow: int = 0
     next: float | None = None
     felt: list = field(default_factory=list)
@@ -165,11 +175,14 @@ class Ram:
         return self.drive.angle(time)
 
     # ------------------------------------------------------------------ in a run
-    def feel(self, time: float, force: float) -> None:
-        """A solve at ``time`` has found the force of the tool on the modelled part of the body, N, along the direction."""
+    def feel(self, time: float, force: float, yielding: float = 0.0) -> None:
+        """A solve at ``time`` has found the force of the tool on the modelled part of the body, N, along the direction.
+
+        yielding : its power on the motion of a frame or die that yields, mW, negative where that is pushed back
+        """
         now, force = self._now, force * self._copies
-        before = [(t, f) for t, f in now.felt if t < time and (f > 0 or force <= 0)]
-        now.felt = [*before[-1:], (time, force)]
+        before = [sample for sample in now.felt if sample[0] < time and (sample[1] > 0 or force <= 0)]
+        now.felt = [*before[-1:], (time, force, yielding * self._copies)]
         if time == now.since and now.next is None:
             now.slowing = max(force, 0.0) / self._resisting_mass
 
@@ -181,8 +194,9 @@ class Ram:
         now.pace = now.speed - now.slowing * min(dt, self._time_to_rest()) / 2
         return now.pace / now.speed
 
-    def arrive(self, time: float) -> None:
-        """A step has ended at ``time``: the body has taken the work of the way."""
+    def arrive(self, time: float, stored: float = 0.0) -> None:
+        """A step has ended at ``time``: the body has taken the work of the way, less what has yielded, and the frame
+        ``stored``, mJ, of the modelled part."""
         now = self._now
         way = self.travel(time) - now.travelled
         if now.next is not None:
@@ -191,13 +205,16 @@ class Ram:
                 now.left, now.slowing = self.drive.energies[now.blow], 0.0
                 now.speed = self._impact(now.blow)
             return
-        force = self._force_at((now.since + time) / 2)
+        force, yielding = self._felt_at((now.since + time) / 2)
+        work, stored = force * way + yielding * (time - now.since), stored * self._copies
+        taken = (work + stored) / self.drive.forming_share
         slowing = max(force, 0.0) / self._resisting_mass
         self._overdrawn = None
-        if now.left - force * way / self.drive.forming_share < -SPENT / 2 * self.drive.energies[now.blow]:
+        if now.left - taken < -SPENT / 2 * self.drive.energies[now.blow]:
             self._overdrawn = now.since, slowing, now.speed / slowing
-        now.work += force * way
-        now.left -= force * way / self.drive.forming_share
+        now.work += work
+        now.stored += stored
+        now.left -= taken
         now.since, now.travelled, now.pace = time, now.travelled + way, None
         now.speed = sqrt(2 * max(now.left, 0.0) / self.drive.moving_mass)
         now.slowing = slowing
@@ -217,11 +234,11 @@ class Ram:
         return inf if self._overdrawn is None else self._overdrawn[2]
 
     def ledger(self) -> dict[str, float]:
-        """Where the energies have gone, mJ: all of it, of what came to blows."""
+        """Where the energies have gone, mJ, of all that came to blows."""
         now = self._now
         brought = sum(self.drive.energies[:now.blow + (now.next is None)])
-        return {"brought": brought, "work on the body": now.work, "lost": now.work * (1 / self.drive.forming_share - 1),
-                "left": now.left}
+        return {"brought": brought, "work on the body": float(now.work), "stored in the frame": float(now.stored),
+                "lost": float(now.work + now.stored) * (1 / self.drive.forming_share - 1), "left": float(now.left)}
 
     def memory(self) -> dict:
         """The state, as JSON can hold it."""
@@ -246,13 +263,10 @@ class Ram:
     def _time_to_rest(self) -> float:
         return self._now.speed / self._now.slowing if self._now.slowing > 0 else inf
 
-    def _force_at(self, time: float) -> float:
-        """Force at a time on the line through the last two that were felt, N."""
-        felt = self._now.felt
-        if not felt:
-            return 0.0
-        times, forces = np.transpose(felt)
-        if len(times) == 1:
-            return float(forces[0])
-        share = (time - times[0]) / (times[1] - times[0])
-        return float(forces[0] + share * (forces[1] - forces[0]))
+    def _felt_at(self, time: float) -> np.ndarray:
+        """Force, N, and power of yielding, mW, at a time on the line through the last two that were felt."""
+        felt = np.array(self._now.felt)
+        if len(felt) < 2:
+            return felt[0, 1:] if len(felt) else np.zeros(2)
+        share = (time - felt[0, 0]) / (felt[1, 0] - felt[0, 0])
+        return felt[0, 1:] + share * (felt[1, 1:] - felt[0, 1:])

@@ -105,6 +105,22 @@ def test_a_screw_press_gives_its_energy_at_the_speed_of_its_flywheel():
     assert stroke[1] / time[1] == pytest.approx(500, rel=0.05), "slows down a little in the first step"
 
 
+@pytest.mark.parametrize("blows", [1, 2])
+def test_the_frame_of_a_screw_press_keeps_a_part_of_the_energy(blows):
+    """REFERENCES.md 11: 200 J, frame 5e5 N/mm; in two strokes the frame stays stretched between them."""
+    drive = {"kind": "screw_press", "energy": 200e3 / blows, "speed": 500, "direction": [0, -1], "stiffness": 5e5,
+             "blows": blows, "pause": "1 s"}
+    results = ff.simulate(cylinder(drive, step=0.5))
+    assert height(results) == pytest.approx(14.590547, rel=1e-3)
+    assert results.history.column("force_ram_N")[-1] == pytest.approx(43063.40, rel=5e-3)
+    ledger = results.summary["ledger"]["energy_mJ"]["ram"]
+    assert ledger["stored in the frame"] == pytest.approx(1854.5, rel=5e-3)
+    parts = ledger["work on the body"] + ledger["stored in the frame"] + ledger["lost"] + ledger["left"]
+    assert parts == pytest.approx(200e3, rel=1e-12)
+    # the work is that of the plastic flow: sigma0 V times the strain, to the volume that the run has lost
+    assert ledger["work on the body"] == pytest.approx(100 * VOLUME * math.log(20 / height(results)), rel=2e-3)
+
+
 @pytest.mark.parametrize("scheme", ["explicit", "trapezoid", "etd2"])
 def test_every_scheme_spends_the_energy(scheme):
     """The forces that a scheme solves for give the work to its order: 2 % at 20 explicit steps, 0.5 % else."""
