@@ -27,9 +27,20 @@ def run(path: Path, *, write: bool) -> None:
     for cell in notebook.cells:                       # times and progress of this machine are no content
         cell.metadata.pop("execution", None)
         if cell.cell_type == "code":
-            cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
+            cell.outputs = joined([output for output in cell.outputs if output.get("name") != "stderr"])
     if write:
         nbformat.write(notebook, path)
+
+
+def joined(outputs: list) -> list:
+    """The same outputs; what was printed in pieces is one piece, wherever the pieces fell."""
+    made = []
+    for output in outputs:
+        if made and output.output_type == made[-1].output_type == "stream":
+            made[-1].text += output.text
+        else:
+            made.append(output)
+    return made
 
 
 def main() -> int:
