@@ -8,7 +8,11 @@ NAME : the beginning of a notebook's name, such as 03; all of them without. --ch
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import sys
+import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
@@ -23,13 +27,30 @@ LONGEST = 600      # s for a cell
 def run(path: Path, *, write: bool) -> None:
     """Execute a notebook in its folder; its outputs replace those in the file."""
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=LONGEST, resources={"metadata": {"path": str(HERE)}}).execute()
+    with kernel_of_this_python() as name:
+        NotebookClient(notebook, timeout=LONGEST, kernel_name=name, resources={"metadata": {"path": str(HERE)}}).execute()
     for cell in notebook.cells:                       # times and progress of this machine are no content
         cell.metadata.pop("execution", None)
         if cell.cell_type == "code":
             cell.outputs = joined([output for output in cell.outputs if output.get("name") != "stderr"])
     if write:
         nbformat.write(notebook, path)
+
+
+@contextmanager
+def kernel_of_this_python():
+    """Name of a kernel that runs the Python of this program: that of the system knows nothing of a virtual environment."""
+    with tempfile.TemporaryDirectory() as folder:
+        kernel = Path(folder) / "kernels" / "here"
+        kernel.mkdir(parents=True)
+        command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+        (kernel / "kernel.json").write_text(json.dumps({"argv": command, "display_name": "here", "language": "python"}))
+        before = os.environ.get("JUPYTER_PATH")
+        os.environ["JUPYTER_PATH"] = os.pathsep.join(filter(None, (folder, before)))
+        try:
+            yield "here"
+        finally:
+            os.environ.pop("JUPYTER_PATH") if before is None else os.environ.update(JUPYTER_PATH=before)
 
 
 def joined(outputs: list) -> list:
