@@ -152,14 +152,15 @@ def told(model) -> dict[str, str]:
         text = " ".join(cls.__doc__.split())
         text = re.split(r" References -----", text)[0]
         text = re.split(r"Parameters -+ ", text)[-1]
-        names = "|".join(map(re.escape, sorted(model.model_fields, key=len, reverse=True)))
+        aliases = {field.alias: name for name, field in model.model_fields.items() if field.alias}
+        names = "|".join(map(re.escape, sorted({*model.model_fields, *aliases}, key=len, reverse=True)))
         one = rf"(?:{names})(?: \(key `\w+`\))?"
         starts = list(re.finditer(rf"(?:^|(?<=[.;:] ))((?:{one}(?:, )?)+) : ", text))
         for here, following in zip(starts, [*starts[1:], None], strict=False):
             said = text[here.end(): following.start() if following else len(text)].strip(" ;")
             said = re.split(rf"(?<=\.) (?=\w+ … |(?:(?:{names})(?:, |\.))+)", said)[0]
             for name in re.findall(rf"\b(?:{names})\b", re.sub(r"\(key `\w+`\)", "", here[1])):
-                found[name] = said.rstrip(".")
+                found[aliases.get(name, name)] = said.rstrip(".")
     return found
 
 
