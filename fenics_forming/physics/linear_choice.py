@@ -20,7 +20,7 @@ KNOWN_TERMS = {"plastic", "incompressibility", "contact", "drag", "inertia"}
 def linear_system(workpiece: Workpiece):
     """A direct or an iterative system, as ``settings.linear`` says: "direct", "iterative" or "auto"."""
     wanted = workpiece.settings.linear
-    known = workpiece.nodes.dim == 3 and set(workpiece.tangents) <= KNOWN_TERMS and workpiece.interfaces is None
+    known = workpiece.nodes.dim == 3 and set(workpiece.tangents) <= KNOWN_TERMS
     unknowns = workpiece.space.dofmap.index_map.size_global
     deforming = workpiece.contact is not None and any(t.deformed is not None for t in workpiece.contact.tools)
     if not known or deforming or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:

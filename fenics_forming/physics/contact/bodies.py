@@ -265,6 +265,10 @@ class BodyContact:
         self.G.multTranspose(load, out)
         return out
 
+    def weighted_tangent(self) -> np.ndarray:
+        """w (-dt/ds) of the carriers, (carriers, dim, dim)."""
+        return self.weights[:, None, None] * self._tangent
+
     def tangent(self) -> PETSc.Mat:
         """G^T w (-dt/ds) G; the matrix is that of the last call until the next search. Collective."""
         start = perf_counter()

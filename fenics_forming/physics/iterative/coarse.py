@@ -30,15 +30,16 @@ class CoarseSolver:
         self.pattern, self._shared = pattern, shared
         self._blocks = np.zeros((shared.count + len(pattern.columns), 9))
         self.diagonal, self.upper = self._blocks[: shared.count], self._blocks[shared.count:]
-        self._all = Everywhere(pattern, shared, x)
-        self._kept = self._all.gather(free).ravel() > 0
+        self.everywhere = Everywhere(pattern, shared, x)
+        self.between = None         # contact between bodies, where there is
+        self._kept = self.everywhere.gather(free).ravel() > 0
         self._ksp: PETSc.KSP | None = None
 
     def clear(self) -> None:
         self._blocks[:] = 0.0
 
     def _create(self):
-        whole, three = self._all, np.arange(3)
+        whole, three = self.everywhere, np.arange(3)
         width = np.diff(whole.starts)
         starts = np.append(0, np.cumsum(np.repeat(3 * width, 3))).astype(PETSc.IntType)
         columns = (3 * whole.columns[:, None] + three).astype(PETSc.IntType)
@@ -60,7 +61,7 @@ class CoarseSolver:
 
     def place(self, x: np.ndarray) -> None:
         """Take over the positions (vertices, 3) of the vertices: the rigid-body motions belong to them. Collective."""
-        self._places = self._all.gather(x)
+        self._places, self._motions_known = self.everywhere.gather(x), False
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         a = self._places - self._places.mean(axis=0)
@@ -75,18 +76,25 @@ class CoarseSolver:
 
     def prepare(self) -> None:
         """Take over the present values and set the V-cycle up. Collective."""
+        others = None
+        if self.between is not None:
+            others = self.everywhere.sum_of(*self.between.vertex_blocks())
+            if not self.everywhere.holds(others[0]):
+                self.everywhere.hold(others[0])
+                self._ksp = None
         if self._ksp is None:
             self._create()
-        self._all.gather_blocks(self._blocks, self._kept, self._values)
+            self._motions_known = False
+        self.everywhere.gather_blocks(self._blocks, self._kept, self._values, others)
         self.matrix.stateIncrease()
-        if self._places is not None:
+        if not self._motions_known:
             self.matrix.setNearNullSpace(self._rigid_motions())
-            self._places = None
+            self._motions_known = True
         self._ksp.setOperators(self.matrix)
         self._ksp.setUp()
 
     def solve(self, r: np.ndarray) -> np.ndarray:
         """Velocities (vertices, 3), for all copies, of a residual of which the owners' part counts. Collective."""
-        self._b.array[:] = self._all.gather(r).ravel()
+        self._b.array[:] = self.everywhere.gather(r).ravel()
         self._ksp.solve(self._b, self._x)
-        return self._x.array.reshape(-1, 3)[self._all.numbers]
+        return self._x.array.reshape(-1, 3)[self.everywhere.numbers]

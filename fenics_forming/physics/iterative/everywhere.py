@@ -51,22 +51,43 @@ class Everywhere:
         own, rows, columns = self.numbers, self.numbers[pattern.rows], self.numbers[pattern.columns]
         direct = np.concatenate([own * self.count + own, rows * self.count + columns])
         mirrored = columns * self.count + rows
-        direct, mirrored = self.comm.allgather(direct), self.comm.allgather(mirrored)
-        known = np.unique(np.concatenate([*direct, *mirrored]))
+        self._keys = self.comm.allgather(direct), self.comm.allgather(mirrored)
+        self.hold(np.empty(0, np.int64))
+
+    def hold(self, others: np.ndarray) -> None:
+        """Make place for further blocks, row · count + column of each."""
+        direct, mirrored = self._keys
+        self._known = known = np.unique(np.concatenate([*direct, *mirrored, others]))
         self.starts = np.searchsorted(known, self.count * np.arange(self.count + 1, dtype=np.int64)).astype(np.int32)
         self.columns = (known % self.count).astype(np.int32)
         self._direct = [np.searchsorted(known, keys).astype(np.int32) for keys in direct]
         self._mirrored = [np.searchsorted(known, keys).astype(np.int32) for keys in mirrored]
 
-    def gather_blocks(self, blocks: np.ndarray, kept: np.ndarray, out: np.ndarray) -> None:
+    def gather_blocks(self, blocks: np.ndarray, kept: np.ndarray, out: np.ndarray, others=None) -> None:
         """Sum of the blocks (vertices + pairs, 9) of all ranks into the values ``out`` of a matrix of numbers, row by row,
-        of which only rows and columns that are ``kept`` (count · 3) count, and the diagonal."""
+        of which only rows and columns that are ``kept`` (count · 3) count, and the diagonal; and of ``others``, keys and
+        blocks that all ranks have."""
         out[:] = 0.0
         parts = self.comm.allgather(blocks) if self.comm.size > 1 else [blocks]
         for part, direct, mirrored in zip(parts, self._direct, self._mirrored, strict=True):
             _spread(part, direct, self.starts, self.columns, False, out)
             _spread(part[len(part) - len(mirrored):], mirrored, self.starts, self.columns, True, out)
+        if others is not None:
+            keys, sums = others
+            _spread(sums, np.searchsorted(self._known, keys).astype(np.int32), self.starts, self.columns, False, out)
         _mask(self.starts, self.columns, kept, out)
+
+    def sum_of(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Further blocks (m, 9) of all ranks, those at the same place added up: row · count + column, and the sums."""
+        parts = self.comm.allgather((rows * self.count + columns, blocks))
+        keys, at = np.unique(np.concatenate([keys for keys, _ in parts]), return_inverse=True)
+        every = np.concatenate([blocks for _, blocks in parts])
+        sums = np.stack([np.bincount(at, every[:, k], len(keys)) for k in range(9)], axis=1)
+        return keys, sums
+
+    def holds(self, keys: np.ndarray) -> bool:
+        """Whether there is place for all of these blocks."""
+        return bool(np.isin(keys, self._known).all())
 
     def gather(self, values: np.ndarray) -> np.ndarray:
         """Values of the owned vertices of all ranks, (count[, k]), in the common order."""

@@ -59,6 +59,10 @@ class IterativeSystem:
             self._facet_corners = n.scalar_dofs[facets[:, :3]]
             self._facet_places = self.block.pattern.places_of(facets)
             self._facet_coarse_places = linear.places_of(self._facet_corners)
+        if workpiece.interfaces is not None:
+            from .between import BetweenBodies
+            between = BetweenBodies(workpiece, workpiece.interfaces, nodes, self.coarse.everywhere)
+            self.block.others, self.coarse.between = (between,), between
         self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
         self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
         self._split = 3 * nodes.owned

@@ -35,7 +35,7 @@ class VelocityBlock:
         self._direction = start
         self.largest = 0.0
         self._inverse = np.empty((shared.count, 9))
-        self.others: tuple = ()
+        self.others: tuple = ()     # further operators with ``add_product`` and ``add_diagonal``
 
     def clear(self) -> None:
         self.diagonal[:] = 0.0
@@ -59,7 +59,10 @@ class VelocityBlock:
 
     def stiffness(self) -> np.ndarray:
         """The diagonal of the matrix with rows of the identity where the velocity is given, (nodes, 3)."""
-        return np.where(self.free > 0, self.shared.add_for_all(self.diagonal[:, ::4].copy()), 1.0)
+        blocks = self.diagonal.copy()
+        for other in self.others:
+            other.add_diagonal(blocks)
+        return np.where(self.free > 0, self.shared.add_for_all(blocks[:, ::4].copy()), 1.0)
 
     # ------------------------------------------------------------------ smoother
     def prepare_smoother(self) -> None:

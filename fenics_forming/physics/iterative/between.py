@@ -1,0 +1,94 @@
+"""Contact between bodies in the iterative solver: applied by the gap operator, never merged into the pattern."""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+from scipy import sparse
+
+from ..contact.interfaces import Interfaces
+from ..workpiece import Workpiece
+from .everywhere import Everywhere
+from .sharing import Shared
+
+
+class BetweenBodies:
+    """The tangent G^T w (-dt/ds) G of all pairs of bodies, as a product and by its diagonal blocks, and on the vertices.
+
+    Parameters
+    ----------
+    nodes : of the mesh, shared · everywhere : the common order of the vertices
+    """
+
+    def __init__(self, workpiece: Workpiece, interfaces: Interfaces, nodes: Shared, everywhere: Everywhere):
+        self._interfaces, self._nodes = interfaces, nodes
+        self._own = workpiece.velocity_dofs[: nodes.owned]
+        self._x = PETSc.Vec().createMPI((workpiece.owned, None), comm=nodes.comm)
+        self._y = self._x.duplicate()
+        self._node_of = np.full(workpiece.owned, -1)
+        self._axis_of = np.zeros(workpiece.owned, int)
+        for axis in range(3):
+            self._node_of[self._own[:, axis]] = np.arange(nodes.owned)
+            self._axis_of[self._own[:, axis]] = axis
+        self._linear = self._prolongation(workpiece, everywhere)
+
+    def _prolongation(self, workpiece: Workpiece, everywhere: Everywhere) -> PETSc.Mat:
+        """All unknowns, of velocities that are linear in every cell: by those of the vertices in the common order."""
+        n, axes = workpiece.nodes, np.arange(3)
+        ends = np.zeros((n.count, 2), np.int64)
+        ends[n.is_vertex] = everywhere.numbers[n.scalar_dofs[n.is_vertex]][:, None]
+        mids, of_mids = n.edge_middles()
+        ends[mids] = everywhere.numbers[n.scalar_dofs[of_mids]]
+        first = self._x.getOwnershipRange()[0]
+        rows = np.repeat((first + self._own)[:, :, None], 2, axis=2)
+        columns = 3 * ends[: self._nodes.owned, None, :] + axes[:, None]
+        P = PETSc.Mat().createAIJ(((workpiece.owned, None), (None, 3 * everywhere.count)), nnz=(2, 2), comm=self._nodes.comm)
+        P.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        order = np.argsort(rows[:, :, 0].ravel())
+        starts = np.zeros(workpiece.owned + 1, PETSc.IntType)
+        np.add.at(starts, self._own.ravel() + 1, 2)
+        P.setValuesCSR(np.cumsum(starts).astype(PETSc.IntType), columns.reshape(-1, 2)[order].ravel().astype(PETSc.IntType),
+                       np.full(columns.size, 0.5), PETSc.InsertMode.ADD_VALUES)
+        P.assemble()
+        return P
+
+    def add_product(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Add the product with velocities x (nodes, 3) to the owners' rows of y. Collective."""
+        self._x.array[self._own] = x[: self._nodes.owned]
+        for contact in self._interfaces.contacts:
+            at_points = contact.G.createVecLeft()
+            contact.G.mult(self._x, at_points)
+            relative = at_points.array.reshape(-1, 3)
+            at_points.array[:] = np.einsum("pij,pj->pi", contact.weighted_tangent(), relative).ravel()
+            contact.G.multTranspose(at_points, self._y)
+            y[: self._nodes.owned] += self._y.array[self._own]
+
+    def add_diagonal(self, blocks: np.ndarray) -> None:
+        """Add the blocks of the diagonal to the owners' of ``blocks`` (nodes, 9). Collective."""
+        for contact in self._interfaces.contacts:
+            starts, columns, values = contact.tangent().getValuesCSR()
+            rows, columns = np.repeat(np.arange(len(starts) - 1), np.diff(starts)), columns - self._first()
+            mine = (columns >= 0) & (columns < len(self._node_of)) & (values != 0)
+            rows, columns, values = rows[mine], columns[mine], values[mine]
+            same = (self._node_of[rows] == self._node_of[columns]) & (self._node_of[rows] >= 0)
+            rows, columns = rows[same], columns[same]
+            np.add.at(blocks, (self._node_of[rows], 3 * self._axis_of[rows] + self._axis_of[columns]), values[same])
+
+    def _first(self) -> int:
+        return self._x.getOwnershipRange()[0]
+
+    def vertex_blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same on the vertices: numbers of rows and columns in the common order (m,), and blocks (m, 9); all that this
+        rank's carriers give. Collective."""
+        parts = []
+        for contact in self._interfaces.contacts:
+            on_vertices = contact.G.matMult(self._linear)
+            starts, columns, values = on_vertices.getValuesCSR()
+            G = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1]))
+            on_vertices.destroy()
+            weighted = contact.weighted_tangent()
+            T = sparse.bsr_matrix((weighted, np.arange(len(weighted)), np.arange(len(weighted) + 1)), 2 * (G.shape[0],))
+            K = (G.T @ (T.tocsr() @ G)).tobsr((3, 3))
+            parts.append((np.repeat(np.arange(len(K.indptr) - 1), np.diff(K.indptr)), K.indices, K.data.reshape(-1, 9)))
+        rows, columns, blocks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return rows.astype(np.int64), columns.astype(np.int64), blocks
