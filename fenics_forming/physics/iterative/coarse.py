@@ -23,14 +23,15 @@ class CoarseSolver:
 
     Parameters
     ----------
-    pattern, shared : of the vertices; free (vertices, 3) 1 where the velocity is sought; x (vertices, 3) where they are
+    pattern, shared : of the vertices; free (vertices, 3) 1 where the velocity is sought; x (vertices, 3) where they are;
+    body (vertices,) which they belong to
     """
 
-    def __init__(self, pattern: Pattern, shared: Shared, free: np.ndarray, x: np.ndarray):
+    def __init__(self, pattern: Pattern, shared: Shared, free: np.ndarray, x: np.ndarray, body: np.ndarray):
         self.pattern, self._shared = pattern, shared
         self._blocks = np.zeros((shared.count + len(pattern.columns), 9))
         self.diagonal, self.upper = self._blocks[: shared.count], self._blocks[shared.count:]
-        self.everywhere = Everywhere(pattern, shared, x)
+        self.everywhere = Everywhere(pattern, shared, x, body)
         self.between = None         # contact between bodies, where there is
         self._kept = self.everywhere.gather(free).ravel() > 0
         self._ksp: PETSc.KSP | None = None

@@ -20,7 +20,8 @@ class Everywhere:
 
     Parameters
     ----------
-    pattern, shared : of the vertices of this rank · x : (vertices, 3) where they are at the start, which orders them
+    pattern, shared : of the vertices of this rank · x : (vertices, 3) where they are at the start, which orders them ·
+    body : (vertices,) the body that they belong to, since two may meet in one place
 
     Attributes
     ----------
@@ -28,7 +29,7 @@ class Everywhere:
     numbers : (vertices,) of this rank's vertices in the common order
     """
 
-    def __init__(self, pattern: Pattern, shared: Shared, x: np.ndarray):
+    def __init__(self, pattern: Pattern, shared: Shared, x: np.ndarray, body: np.ndarray):
         comm, owned = shared.comm, shared.owned
         self.comm, self._owned = comm, owned
         mine = x[:owned]
@@ -38,7 +39,7 @@ class Everywhere:
         size = max(float(np.ptp(places, axis=0).max(initial=0.0)), 1e-300)
         rounded = np.floor((places - places.min(axis=0)) / (ROUNDED * size) + 0.1234567)
         rank_of = np.empty(self.count, np.int32)
-        rank_of[np.lexsort(rounded.T)] = np.arange(self.count)
+        rank_of[np.lexsort([np.concatenate(comm.allgather(body[:owned])), *rounded.T])] = np.arange(self.count)
         first = int(np.sum([len(part) for part in parts[: comm.rank]]))
         numbers = np.full((shared.count, 1), -1.0)
         numbers[:owned, 0] = rank_of[first:first + owned]

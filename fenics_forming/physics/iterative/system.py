@@ -48,8 +48,9 @@ class IterativeSystem:
         self.block = VelocityBlock(Pattern(n.cells, nodes.count), nodes, anything)
         self.block.free[:] = free[workpiece.velocity_dofs]
         linear = Pattern(self._corners, vertices.count)
-        self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes],
-                                   n.x[self._vertex_nodes])
+        body = np.zeros(n.count, int) if workpiece.parts is None else workpiece.parts.of_node
+        self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes], n.x[self._vertex_nodes],
+                                   body[self._vertex_nodes])
         self.mass = PressureMass(linear, vertices)
         self.mass.free[:] = free[workpiece.pressure_dofs[self._vertex_nodes]]
         self.divergence = Divergence(Incidence(self._corners, n.cells, vertices.count, nodes.count), vertices, nodes)
