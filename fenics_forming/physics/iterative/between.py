@@ -42,7 +42,8 @@ class BetweenBodies:
         first = self._x.getOwnershipRange()[0]
         rows = np.repeat((first + self._own)[:, :, None], 2, axis=2)
         columns = 3 * ends[: self._nodes.owned, None, :] + axes[:, None]
-        P = PETSc.Mat().createAIJ(((workpiece.owned, None), (None, 3 * everywhere.count)), nnz=(2, 2), comm=self._nodes.comm)
+        size = ((workpiece.owned, None), (None, 3 * everywhere.count))
+        P = PETSc.Mat().createAIJ(size, nnz=(2, 2), comm=self._nodes.comm)
         P.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         order = np.argsort(rows[:, :, 0].ravel())
         starts = np.zeros(workpiece.owned + 1, PETSc.IntType)
