@@ -202,7 +202,7 @@ class Ram:
         if now.next is not None:
             if time >= now.next:
                 now.turns, now.since, now.next = [*now.turns, time], time, None
-                now.left, now.slowing = self.drive.energies[now.blow], 0.0
+                now.left, now.slowing = now.left + self.drive.energies[now.blow], 0.0
                 now.speed = self._impact(now.blow)
             return
         force, yielding = self._felt_at((now.since + time) / 2)
