@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from .errors import ConvergenceError, FormingError, SceneError
+from .errors import ConvergenceError, FormingError, SceneError, as_lines
 
 BAD_SCENE, FAILED = 2, 1
 
@@ -133,7 +133,7 @@ def _check(options) -> int:
     warnings = check(scene)
     print(scene)
     for warning in warnings:
-        print(f"warning: {warning}")
+        print(as_lines(f"warning: {warning}", sys.stdout))
     print(f"{options.scene}: the scene is fine")
     return 0
 
@@ -217,7 +217,7 @@ def _info(options) -> int:
 def _say_on_one_rank(text: str, code: int) -> int:
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is None or mpi.COMM_WORLD.rank == 0:
-        print(text, file=sys.stderr)
+        print(as_lines(text, sys.stderr), file=sys.stderr)
     return code
 
 

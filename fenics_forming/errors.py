@@ -1,5 +1,7 @@
 """What can go wrong, in words: every error of the package is a `FormingError`."""
 
+import shutil
+import textwrap
 from difflib import get_close_matches
 
 
@@ -7,6 +9,17 @@ def did_you_mean(word, allowed):
     """`"did you mean 'mesh_size'?"` for a misspelt word, or an empty string when nothing is near."""
     near = get_close_matches(str(word), [str(a) for a in allowed], n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else ""
+
+
+def as_lines(text, stream, *, indent=2):
+    """The text with its lines broken between words where the stream is a terminal that is too narrow for them."""
+    if not stream.isatty():
+        return text
+    width = shutil.get_terminal_size().columns
+    return "\n".join(
+        textwrap.fill(line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+        for line in text.splitlines()
+    )
 
 
 class FormingError(Exception):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+from ..errors import as_lines
+
 WORDS = {
     "newton_iterations": "Newton",
     "dt_s": "dt",
@@ -94,7 +96,7 @@ class Progress(Silent):
         if self._speaks and self._bar is None and self.total > 0 and sys.stderr.isatty():
             self._open_bar()
         if simulation_info:
-            self._say(str(simulation_info))
+            self._say(as_lines(str(simulation_info), sys.stdout))
 
     def step(self, row: dict, limited_by: str) -> None:
         """Print the row and move the bar."""
@@ -113,7 +115,7 @@ class Progress(Silent):
 
     def note(self, text: str) -> None:
         """Print a line of its own."""
-        self._say(f"  {text}")
+        self._say(as_lines(f"  {text}", sys.stdout, indent=4))
 
     def finished(self, results) -> None:
         """Close the bar and print the tree of the results."""

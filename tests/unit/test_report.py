@@ -122,3 +122,20 @@ def test_tables_escape_what_they_show():
                                           "</table></div>")
     assert page.table([]) == "" and page.bullets([]) == "" and page.bars({}, "s") == ""
     assert json.dumps(page.address(b"x", "image/png"))
+
+
+def test_sentences_are_broken_between_words_on_a_terminal_and_nowhere_else(monkeypatch):
+    from io import StringIO
+
+    from fenics_forming.errors import as_lines
+
+    class Terminal(StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setenv("COLUMNS", "40")
+    text = "tools.upper.drive.velocty: is not a key here; did you mean 'velocity'?\nshort"
+    lines = as_lines(text, Terminal()).splitlines()
+    assert max(map(len, lines)) <= 40 and " ".join(line.strip() for line in lines) == text.replace("\n", " ")
+    assert lines[1].startswith("  ") and lines[-1] == "short"
+    assert as_lines(text, StringIO()) == text
