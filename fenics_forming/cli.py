@@ -66,7 +66,8 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--field", help="one field only, such as effective_strain")
     plot.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
     plot.add_argument("--revolve", action="store_true", help="an axisymmetric body in space, with a quarter cut out")
-    plot.add_argument("--tool", help="the tool whose force is drawn (default: the one that travels farthest)")
+    plot.add_argument("--tool", help="the tool whose force is drawn (default: the one that travels farthest), or whose field, "
+                      "where it deforms")
     plot.add_argument("--out", type=Path, help="file of the diagram of several runs (default: forces.png in the first)")
     plot.set_defaults(action=_plot)
 
@@ -154,8 +155,8 @@ def _plot(options) -> int:
         plot_revolved(runs[0], field, options.frame, path=path)
         print(path)
     elif options.field:
-        path = folder / f"{options.field}.png"
-        plot_fields(runs[0], options.field, options.frame, path=path)
+        path = folder / f"{options.field}{'_' * bool(options.tool)}{options.tool or ''}.png"
+        plot_fields(runs[0], options.field, options.frame, tool=options.tool, path=path)
         print(path)
     else:
         for path in plot_run(runs[0], folder):

@@ -169,9 +169,11 @@ class Deformation:
         return said
 
     def field(self):
-        """Stresses and displacements of the tool under the forces of now (`ToolField`). Collective."""
+        """Stresses and displacements of the tool under the forces of the last step (`ToolField`); before the first one
+        there are none. Collective."""
         if not self.tool.follows_a_tangent:
-            self.tool.solve(-self.motions.on_surface(self.reaction))
+            reaction = self.reaction if len(self.reaction) else np.zeros(self.motions.count)
+            self.tool.solve(-self.motions.on_surface(reaction))
         return self.tool.field()
 
     # ------------------------------------------------------------------ going back

@@ -22,10 +22,10 @@ def has_curve(results):
     return {f"stroke_{tool}_mm", results.force_column(tool)} <= set(results.history.columns)
 
 
-def frame_of(results, number):
-    """Time in s and files of a frame; negative numbers count from the end."""
+def frame_of(results, number, tool=None):
+    """Time in s and files of a frame, of the workpieces or of a tool; negative numbers count from the end."""
     by_time: dict[float, list[Path]] = {}
-    for time, path in results.frames:
+    for time, path in results.frames if tool is None else results.tool_frames(tool):
         by_time.setdefault(time, []).append(path)
     times = list(by_time)
     if not -len(times) <= number < len(times):
@@ -36,11 +36,11 @@ def frame_of(results, number):
     return times[number], by_time[times[number]]
 
 
-def mirrors_of(scene, axes, points):
-    """(axis, position) of the planes to mirror at: axis of revolution, planes of symmetry of all bodies."""
+def mirrors_of(scene, axes, points, tool=None):
+    """(axis, position) of the planes to mirror at: axis of revolution, planes of symmetry of all bodies, or of a tool."""
     if scene is None:
         return []
-    bodies = scene.workpieces or scene.tools
+    bodies = {tool: scene.tools[tool]} if tool is not None else scene.workpieces or scene.tools
     common = set(axes).intersection(*(set(body.symmetry) for body in bodies.values()))
     planes = [(0, 0.0)] if scene.geometry == "axisymmetric" else []
     return planes + [(k, points[:, k].min()) for k, letter in enumerate(axes) if letter in common]

@@ -29,15 +29,16 @@ class FieldWriter:
     ----------
     folder : where the files go; made if missing
     comm : MPI communicator
+    series : first word of the names of the files
     resume_after : step after which a resumed run goes on: earlier frames are kept. None: a new run, which
         removes the frames that the ``fields.pvd`` of an earlier run lists.
     """
 
-    def __init__(self, folder: Path | str, comm, *, resume_after: int | None = None):
-        self.folder, self.comm = Path(folder), comm
+    def __init__(self, folder: Path | str, comm, *, series: str = "fields", resume_after: int | None = None):
+        self.folder, self.comm, self._series = Path(folder), comm, series
         import meshio  # noqa: F401  a tenth of a second, before the run and not in its first step
 
-        self._frames = on_rank_zero(comm, lambda: start_frames(self.folder, "fields", resume_after))
+        self._frames = on_rank_zero(comm, lambda: start_frames(self.folder, series, resume_after))
 
     def write(
         self,
@@ -48,6 +49,7 @@ class FieldWriter:
         point_data: dict[str, np.ndarray],
         cell_data: dict[str, np.ndarray] | None = None,
         body: str = "",
+        positions: np.ndarray | None = None,
     ) -> Path:
         """Write one frame with the mesh as it lies now. Collective.
 
@@ -59,9 +61,10 @@ class FieldWriter:
             component
         cell_data : values per owned cell, (cells,) or (cells, k)
         body : name of the body, where a frame has several: one file for each
+        positions : of the nodes, (count, dim) mm, where they are not those of the mesh
         """
-        name = f"fields_{step:06d}{'_' * bool(body)}{body}.vtu"
-        points = gather_nodal(nodes, nodes.x)
+        name = f"{self._series}_{step:06d}{'_' * bool(body)}{body}.vtu"
+        points = gather_nodal(nodes, nodes.x if positions is None else positions)
         cells = gather_cells(nodes)
         at_nodes = {
             key: gather_nodal(nodes, values if np.ndim(values) else np.full(nodes.count, values))
@@ -76,7 +79,7 @@ class FieldWriter:
     def _write(self, name, frames, points, cells, at_nodes, in_cells):
         dim = points.shape[1]
         write_vtu(self.folder / name, points, vtk_cells(cells, points), at_nodes, in_cells, dim)
-        write_pvd(self.folder / "fields.pvd", frames)
+        write_pvd(self.folder / f"{self._series}.pvd", frames)
 
 
 def start_frames(folder: Path, name: str, resume_after: int | None) -> list[tuple[float, str]]:

@@ -91,6 +91,7 @@ def plot_fields(
     limits=None,
     magnify: float | None = None,
     view=None,
+    tool: str | None = None,
     ax=None,
 ):
     """A field on the body as it lies in one frame; on the mesh alone its flow lines.
@@ -108,6 +109,7 @@ def plot_fields(
     limits : (low, high) of the colours; None: of the field, without a peak in a few spots
     magnify : how many times as large displacements of tools are drawn; None: so that they can be seen
     view : corners (low, high) of what is shown, mm (in the plane only); None: the body
+    tool : name of a tool that deforms in the run, to draw it instead of the workpiece
     ax : matplotlib axes to draw in (in the plane only); None: a new figure
 
     Returns
@@ -119,25 +121,27 @@ def plot_fields(
     ResultsError
         if there is no such frame or field.
     """
-    time, paths = frame_of(results, frame)
+    time, paths = frame_of(results, frame, tool)
     skin = Skin.read(paths)
     if field is not None:
         name, values = skin.field(field)
         limits = limits or (plastic_limits(skin, name) or limits_of(skin, values))
     times = 0.0 if field is None else visible(results, skin) if magnify is None else magnify
     axes = AXES.get(getattr(results.scene, "geometry", None), "xyz")
-    mirrors = mirrors_of(results.scene, axes, skin.points) if mirror else []
+    mirrors = mirrors_of(results.scene, axes, skin.points, tool) if mirror else []
     skin = skin.deformed(times)
     for axis, at in mirrors:
         skin = skin.mirrored(axis, at)
-    lines = lines_at(results, time) if field is None else []
+    lines = lines_at(results, time) if field is None and tool is None else []
     for axis, at in mirrors:
         lines += [flipped(line, axis, at) for line in lines]
     values, label = (None, "") if field is None else (skin.field(field)[1], label_of(name))
     title = f"{wrapped(results.title)}\n{when(results, time)}"
     title += f", displacements \N{MULTIPLICATION SIGN} {times:g}" if times else ""
     space = skin.points.shape[1] == 3
-    if tools is None:
+    if tool is not None:
+        outlines = []
+    elif tools is None:
         outlines = tool_outlines(results, time, skin.points if view is None else np.asarray(view), mirrors)
     else:
         outlines = list(tools) if space else list(map(as_segments, tools))
@@ -160,8 +164,8 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
     """The pictures of a run in ``folder``, as far as the run has the numbers.
 
     ``force_stroke.png`` and, of the last frame, ``effective_strain.png``, ``mean_stress.png``,
-    ``temperature.png`` and ``mesh.png``; of tools alone ``load_displacement.png``, ``von_mises.png`` and
-    ``displacement.png``.
+    ``temperature.png``, ``mesh.png`` and ``von_mises_TOOL.png`` of tools that deform; of tools alone
+    ``load_displacement.png``, ``von_mises.png`` and ``displacement.png``.
 
     Returns
     -------
@@ -183,4 +187,8 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
             made.append(folder / f"{field}.png")
         close(plot_fields(results, None, path=folder / "mesh.png", tools=tools))
         made.append(folder / "mesh.png")
+    for tool in getattr(results.scene, "tools", ()):
+        if results.tool_frames(tool):
+            close(plot_fields(results, "von_mises", path=folder / f"von_mises_{tool}.png", tool=tool))
+            made.append(folder / f"von_mises_{tool}.png")
     return made

@@ -82,6 +82,10 @@ class Results:
         """(time in s, path of the ``.vtu`` file) of every frame; several bodies have one entry each."""
         return [] if self.folder is None else read_frames(self.folder)
 
+    def tool_frames(self, tool: str) -> list[tuple[float, Path]]:
+        """(time in s, path of the ``.vtu`` file) of every frame of a tool that deforms in the run."""
+        return [] if self.folder is None else read_frames(self.folder, f"tool_{tool}")
+
     def flow_line(self, name: str) -> FollowedLine:
         """The line of material points ``[flow_lines.NAME]`` in every frame: places (frames, points, dim) and more.
 

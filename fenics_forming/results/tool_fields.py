@@ -33,6 +33,22 @@ def contact_numbers(contact, comm) -> dict[str, float]:
     return {"force": float(force), "pressure": float(force / area) if area else 0.0}
 
 
+def tracked(field, points, axes, motion=None) -> dict[str, float]:
+    """Columns of tracked points in a tool: place, displacement, plastic strain, stresses in its own frame. With the motion
+    of the tool places are those in space. Collective."""
+    place = field.x + field.displacement
+    place = place if motion is None else motion.to_space(place)
+    columns = {f"{a}_mm": values for a, values in zip(axes, place.T, strict=True)}
+    columns |= {f"displacement_{a}_mm": values for a, values in zip(axes, field.displacement.T, strict=True)}
+    plastic = field.plastic_strain
+    columns |= {"effective_strain": np.zeros(len(field.x)) if plastic is None else plastic,
+                "mean_stress_MPa": field.mean_stress, "von_mises_MPa": field.von_mises, **stresses(field)}
+    row = {}
+    for label, (values,) in points.values(np.column_stack(list(columns.values()))).items():
+        row |= {f"{label}_{column}": float(value) for column, value in zip(columns, values, strict=True)}
+    return row
+
+
 def part_numbers(field, parts, name: str) -> dict:
     """Largest displacement and stress of a part, how much of it has flowed, and its extents now. Collective."""
     body, comm = field.body, field.body.nodes.comm

@@ -13,7 +13,7 @@ from .files import on_rank_zero
 from .history import History
 from .recorder import peak_memory, versions
 from .results import Results, write_summary
-from .tool_fields import contact_numbers, energies, part_numbers, point_data, stresses
+from .tool_fields import contact_numbers, energies, part_numbers, point_data, tracked
 
 ENERGY_SLACK = 1e-3     # of the work of the loads: more of it missing is worth a word
 
@@ -101,14 +101,7 @@ class ToolRecorder:
         """Places, displacements and stresses of the tracked points."""
         row = {}
         for name, points in self.run.points.items():
-            field, axes = self._fields[name], self.scene.axes
-            columns = {f"{a}_mm": values for a, values in zip(axes, (field.x + field.displacement).T, strict=True)}
-            columns |= {f"displacement_{a}_mm": values for a, values in zip(axes, field.displacement.T, strict=True)}
-            plastic = field.plastic_strain
-            columns |= {"effective_strain": np.zeros(len(field.x)) if plastic is None else plastic,
-                        "mean_stress_MPa": field.mean_stress, "von_mises_MPa": field.von_mises, **stresses(field)}
-            for label, (values,) in points.values(np.column_stack(list(columns.values()))).items():
-                row |= {f"{label}_{column}": float(value) for column, value in zip(columns, values, strict=True)}
+            row |= tracked(self._fields[name], points, self.scene.axes)
         return row
 
     def _frame(self) -> None:

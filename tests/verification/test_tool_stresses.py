@@ -104,6 +104,24 @@ def test_tool_that_yields_may_go_through_all_frames(tmp_path):
     assert strain[-1] == strain[-2] == pytest.approx((120 - 95) / 5000, rel=0.25) and 0 < strain[1] < strain[2]
 
 
+def test_tool_that_deforms_with_the_workpiece_leaves_frames_and_points_of_its_own(tmp_path):
+    """The column yields within the solve: its face has moved by p h / E, and by the drive."""
+    scene = upsetting(process={"tool_deformation": "iterated"})
+    run = ff.simulate(scene, tmp_path)
+    last = run.history.rows[-1]
+    pressure = last["force_upper_N"] / (np.pi * 10**2)
+    assert last["face_displacement_z_mm"] == pytest.approx(pressure * 40 / 210e3, rel=2e-2)
+    assert last["face_z_mm"] == pytest.approx(15 - 0.2 + last["face_displacement_z_mm"], abs=1e-9)
+    assert len(run.tool_frames("upper")) == len(run.frames) == 3
+    numbers = run.summary["tools"]["upper"]["upper"]
+    assert numbers["largest_von_mises_MPa"] == pytest.approx(100, rel=0.2) and "share_that_flowed" not in numbers
+    assert cli.main(["plot", str(tmp_path), "--field", "stress_zz", "--tool", "upper"]) == 0
+    assert (tmp_path / "stress_zz_upper.png").exists()
+    # a later run without such a tool takes them away
+    ff.simulate(upsetting(points={}), tmp_path)
+    assert not list(tmp_path.glob("tool_*"))
+
+
 def test_assembled_tool_is_pre_stressed_before_the_forming_forces_come(tmp_path):
     """A die of insert and ring around a billet that flows against its bore: workpieces meet one outline, the forces go to
     the parts behind it. The bore is pressed in by the fit (0.016 mm) and comes out under the radial pressure."""
