@@ -66,8 +66,8 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--field", help="one field only, such as effective_strain")
     plot.add_argument("--frame", type=int, default=-1, help="number of the frame (default: the last)")
     plot.add_argument("--revolve", action="store_true", help="an axisymmetric body in space, with a quarter cut out")
-    plot.add_argument("--tool", help="the tool whose force is drawn (default: the one that travels farthest), or whose field, "
-                      "where it deforms")
+    plot.add_argument("--tool", help="the tool whose force is drawn (default: the one that travels farthest); with --field "
+                      "a tool that deforms, to draw it instead of the workpiece")
     plot.add_argument("--out", type=Path, help="file of the diagram of several runs (default: forces.png in the first)")
     plot.set_defaults(action=_plot)
 

@@ -38,7 +38,7 @@ class LoadedTool:
     @property
     def is_stepwise(self) -> bool:
         """Whether the way to the load matters: by yielding or by friction between parts."""
-        return self.tool.body.yields or any(getattr(contact, "friction", None) for contact in self.tool.contacts)
+        return self.tool.body.yields or any(contact.friction.law != "none" for contact in self.tool.contacts)
 
     def assemble(self, part: float = 1.0) -> None:
         """Go to a part of the interference and of the displacements that supports are given, under the loads there are.

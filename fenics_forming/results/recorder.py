@@ -19,7 +19,6 @@ from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
 from .history import History
 from .results import Results
-from .tool_frames import ToolFrames
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
 
@@ -54,7 +53,10 @@ class Recorder:
             on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
             if simulation.body.contact is not None:
                 self.contact_forces = ContactForceWriter.of(self.scene, self.out, self.comm, resume_after)
-        self.tools = ToolFrames(self.scene, simulation.deforming, self.out, self.comm, resume_after=resume_after)
+        self.tools = None
+        if any(deformation.tool is not None for deformation in simulation.deforming):
+            from .tool_frames import ToolFrames
+            self.tools = ToolFrames(self.scene, simulation.deforming, self.out, self.comm, resume_after=resume_after)
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
             self.history.truncate_after(resume_after)
@@ -137,7 +139,7 @@ class Recorder:
         row["wall_s"] = wall
         if run.points is not None:
             row |= self._tracked(state)
-        return row | self.tools.row()
+        return row if self.tools is None else row | self.tools.row()
 
     def _tracked(self, state) -> dict[str, float]:
         """Places and state of the tracked points, for the row."""
@@ -193,7 +195,8 @@ class Recorder:
                           cell_data=self.bodies.cell_data())
         if self.contact_forces is not None:
             self.contact_forces.write(run.body.contact, step=state.step, time=state.time)
-        self.tools.write(step=state.step, time=state.time)
+        if self.tools is not None:
+            self.tools.write(step=state.step, time=state.time)
         if self.lines is not None:
             self.lines.write(step=state.step, time=state.time, places=run.lines.places,
                              fields={name: run.lines.values(values) for name, values in in_words(state.history).items()})
@@ -246,7 +249,7 @@ class Recorder:
             self.motion.summary() | ({"damage": self.bodies.damage_summary()} if self.bodies.damage else {}) |
             ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}) |
             ({"heat": self.heat.summary()} if self.heat is not None else {}),
-            **({"tools": self.tools.summary()} if self.tools.tools else {}),
+            **({"tools": self.tools.summary()} if self.tools is not None else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics.contact.bodies import nodal_pressure
 from ..physics.parallel import highest, lowest, total
 
 
@@ -15,6 +14,7 @@ def point_data(field, contacts=()) -> dict[str, np.ndarray]:
     if field.body.yields:
         data["effective_strain"] = field.plastic_strain
     if contacts:
+        from ..physics.contact.bodies import nodal_pressure
         data["contact_pressure_MPa"] = sum(nodal_pressure(field.body.nodes, [contact]) for contact in contacts)
     return data
 
@@ -67,9 +67,22 @@ def part_numbers(field, parts, name: str) -> dict:
 
 
 def energies(field) -> dict[str, float]:
-    """Work of the loads and where it went, mJ (mJ/mm in the plane), of the part that is meshed."""
-    return {"external_work_mJ": field.external_work, "elastic_energy_mJ": field.elastic_energy,
-            "spring_energy_mJ": field.spring_energy, "plastic_work_mJ": field.plastic_work}
+    """Work of loads and overlaps and where it went, mJ (mJ/mm in the plane), of the part that is meshed. Collective."""
+    found = {"external_work_mJ": field.external_work, "elastic_energy_mJ": field.elastic_energy,
+             "spring_energy_mJ": field.spring_energy, "plastic_work_mJ": field.plastic_work}
+    if field.body.heating is not None:
+        found["thermal_work_mJ"] = field.thermal_work
+    if getattr(field.solver, "contacts", ()):
+        found |= {"interference_work_mJ": field.solver.interference_work, "friction_work_mJ": field.solver.friction_work}
+    return found
+
+
+def imbalance(energies: dict[str, float]) -> float:
+    """What is missing of the work that was done, relative to it."""
+    given = energies["external_work_mJ"] + energies.get("interference_work_mJ", 0.0)
+    taken = sum(value for name, value in energies.items() if name not in ("external_work_mJ", "interference_work_mJ"))
+    scale = max(abs(given), abs(taken))
+    return abs(given - taken) / scale if scale else 0.0
 
 
 def _largest(values) -> float:

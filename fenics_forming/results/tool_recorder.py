@@ -13,7 +13,7 @@ from .files import on_rank_zero
 from .history import History
 from .recorder import peak_memory, versions
 from .results import Results, write_summary
-from .tool_fields import contact_numbers, energies, part_numbers, point_data, tracked
+from .tool_fields import contact_numbers, energies, imbalance, part_numbers, point_data, tracked
 
 ENERGY_SLACK = 1e-3     # of the work of the loads: more of it missing is worth a word
 
@@ -128,16 +128,10 @@ class ToolRecorder:
             write_summary(self.out, self.summary, self.comm)
 
     def doubts(self) -> list[str]:
-        """Tools whose energies do not add up: of those in one piece, where no contact takes or gives work."""
-        found = []
-        for name, field in self._fields.items():
-            work = field.external_work
-            stored = field.elastic_energy + field.spring_energy + field.plastic_work + field.thermal_work
-            scale = max(abs(work), abs(stored))
-            if not self.run.contacts(name) and abs(work - stored) > ENERGY_SLACK * scale:
-                found.append(f"tools.{name}: {abs(work - stored) / scale:.1e} of the work of its loads is neither stored "
-                             "nor dissipated; try more steps.loads")
-        return found
+        """Tools whose energies do not add up, one sentence each. Collective."""
+        missing = {name: imbalance(energies(field)) for name, field in self._fields.items()}
+        return [f"tools.{name}: {share:.1e} of the work of its loads is neither stored nor dissipated; try more steps.loads"
+                for name, share in missing.items() if share > ENERGY_SLACK]
 
     def results(self) -> Results:
         return Results(self.out, scene=self.scene, history=self.history, summary=self.summary)
