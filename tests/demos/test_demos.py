@@ -13,6 +13,8 @@ from demos import (
     block_upsetting_3d,
     closed_die,
     extrusion,
+    flat_rolling,
+    hammer_forging,
     ring_compression,
     ring_rolling_rotation,
     riveting,
@@ -84,6 +86,21 @@ def test_the_shrink_fitted_die_is_that_of_lame_on_average(tmp_path, capsys):
     fitted = runs["shrink fit"].history
     assert fitted.rows[1]["bore_stress_tt_MPa"] < -500 and fitted.rows[-1]["load_factor"] == 1
     assert runs["no interference"].summary["tools"]["die"]["insert"]["share_that_flowed"] > 0
+
+
+def test_the_strip_is_rolled_as_the_slab_theory_says(tmp_path, capsys):
+    results = flat_rolling.main((0.1,), coarse=True, out=tmp_path)
+    assert "friction 0.1: neutral angle" in capsys.readouterr().out
+    assert (tmp_path / "flat_rolling.png").stat().st_size > 10_000
+    assert abs(results.history.rows[-1]["force_starter_N_per_mm"]) < 1e-9, "the rolls draw the strip by themselves"
+
+
+def test_the_hammer_gives_its_energy_blow_by_blow(tmp_path, capsys):
+    runs = hammer_forging.main(coarse=True, out=tmp_path)
+    assert "hammer: height after blow 3" in capsys.readouterr().out
+    assert (tmp_path / "hammer_forging.png").stat().st_size > 10_000
+    ways = np.diff(runs["hammer"].stroke()[hammer_forging.ends_of_blows(runs["hammer"])], prepend=0.0)
+    assert (np.diff(ways) < 0).all(), "each blow goes less far than the one before"
 
 
 def test_the_extruded_bar_keeps_between_the_bounds_and_its_grid_goes_through_the_die(tmp_path, capsys):
