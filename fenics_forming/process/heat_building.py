@@ -7,13 +7,16 @@ from ..physics.contact.facets import ContactFacets
 from ..physics.thermal.field import HeatField
 from ..scene import Scene
 from ..scene.heat import missing, tool_material
-from .heating import BodyHeat, ToolExchange
+from .heat_surface import ToolExchange
+from .heating import BodyHeat
+from .tool_heat import tool_heat
 
 
-def body_heat(scene: Scene, nodes, kinematics, surface, workpiece=None) -> BodyHeat:
+def body_heat(scene: Scene, nodes, kinematics, surface, tools, workpiece=None) -> BodyHeat:
     """The heat of the workpiece of a scene on its present mesh.
 
-    surface : facets of it that lie on no mirror plane · workpiece : whose flow makes heat, or None
+    surface : facets of it that lie on no mirror plane · tools : the ``KnownTool`` s; those that are coupled get their mesh
+    here, once, and keep it · workpiece : whose flow makes heat, or None
     """
     body = scene.workpiece
     material = scene.materials[body.material]
@@ -21,9 +24,13 @@ def body_heat(scene: Scene, nodes, kinematics, surface, workpiece=None) -> BodyH
                       volumetric_capacity=material.density * material.specific_heat)
     exchanges = {name: ToolExchange(tool.heat_exchange, _effusivity(scene, name))
                  for name, tool in scene.tools.items() if tool.heat_exchange.acts}
+    for tool in tools:
+        if scene.tools[tool.name].heat_exchange.kind == "coupled" and tool.heat is None:
+            tool.heat = tool_heat(scene, tool.name, nodes.comm)
     contact = None if workpiece is None else workpiece.contact
     facets = ContactFacets(nodes, kinematics, surface) if contact is None else contact.facets
     return BodyHeat(field, facets, exchanges=exchanges, effusivity=effusivity(material), air=body.air,
+                    tool_heats={tool.name: tool.heat for tool in tools if tool.heat is not None},
                     workpiece=workpiece, plastic_fraction=None if workpiece is None else material.plastic_heat_fraction)
 
 

@@ -33,7 +33,7 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     heat = None
     if scene.computes_heat:
         from .heat_building import body_heat
-        heat = body_heat(scene, nodes, kinematics, candidates, workpiece)
+        heat = body_heat(scene, nodes, kinematics, candidates, tools, workpiece)
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene), heat=heat,
                        free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={t.name: t.drive for t in tools if t.drive is not None},

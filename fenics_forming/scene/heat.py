@@ -91,6 +91,10 @@ def _tool_problems(scene, name):
     elif material not in scene.materials:
         yield unknown_word(f"'{material}' is not the name of a material", material, scene.materials, key)
     else:
+        if law.kind == "coupled" and not hasattr(scene.tools[name].shape, "volume_or_area") or \
+                getattr(scene.tools[name].shape, "hollow", False):
+            yield SceneError("has no volume to be meshed; heat exchange of the kind 'coupled' needs a closed shape",
+                             key=f"tools.{name}.shape", allowed="rectangle, polygon, circle, or a file")
         for needed in missing(scene.materials[material]):
             yield SceneError(f"is missing; the tool '{name}' is made of '{material}' and takes up heat",
                              key=f"materials.{material}.{needed}", allowed="a positive quantity")

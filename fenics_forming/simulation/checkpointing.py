@@ -25,7 +25,8 @@ def save(run, path: Path, state: State) -> None:
         "start_volume": run.start_volume, "start_extents": run.start_extents,
         "volume_ledger": run.volume_ledger.memory(),
         "power_ledger": run.power_ledger.memory(),
-        "heat_ledger": None if run.heat_ledger is None else run.heat_ledger.memory(), "folds": run.folds.memory(),
+        "heat_ledger": None if run.heat_ledger is None else run.heat_ledger.memory(),
+        "heat_tools": None if run.body.heat is None else run.body.heat.tool_memory(state.heat), "folds": run.folds.memory(),
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "rams": run.body.rams.memory(),
@@ -86,7 +87,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
         flow = Flow(workpiece.velocity, body.rates(history), 0)
     heat = None
     if body.heat is not None:
-        heat, rates = body.heat.resumed(local)
+        heat, rates = body.heat.resumed(local, saved["heat_tools"])
         flow = replace(flow, rates=flow.rates | rates)
     return State(saved["step"], saved["time"], history, flow, saved["dt"], heat=heat)
 

@@ -54,7 +54,8 @@ class HeatSimulation:
         else:
             mesh, mirrors = self._saved.mesh(comm), {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
         self._mirrors, self.nodes = mirrors, Nodes(mesh)
-        self.heat = body_heat(scene, self.nodes, KINDS[scene.geometry], free_facets(self.nodes, mirrors, scene.axes))
+        self.heat = body_heat(scene, self.nodes, KINDS[scene.geometry], free_facets(self.nodes, mirrors, scene.axes),
+                              self.tools)
         self.ledger = HeatLedger(2 ** len(scene.workpiece.symmetry))
         self.points = MaterialPoints(self.nodes, {name: [point.at] for name, point in scene.points.items()}) \
             if scene.points else None
@@ -106,6 +107,7 @@ class HeatSimulation:
         rates = {"temperature": self.state.drift}
         save_checkpoint(path, self.nodes,
                         scalars={"step": self.step, "time": self.time, "heat_ledger": self.ledger.memory(),
+                                 "heat_tools": self.heat.tool_memory(self.state),
                                  "mirrors": {str(axis): value for axis, value in self._mirrors.items()}},
                         nodal={"temperature": self.history["temperature"], **self.heat.saved(self.state, rates)})
 
@@ -116,4 +118,4 @@ class HeatSimulation:
         self.step, self.time = saved.scalars["step"], saved.scalars["time"]
         self.ledger.remember(saved.scalars["heat_ledger"])
         self.history = {"temperature": local["temperature"]}
-        self.state, _ = self.heat.resumed(local)
+        self.state, _ = self.heat.resumed(local, saved.scalars["heat_tools"])

@@ -86,6 +86,7 @@ class KnownTool:
     motion : where it is now; the controller replaces it
     free : motions that the solve finds (``free_motions``), or None · deformed : its surface where it deforms, or None
     drive : what moves it, or None · deformation : what makes it deform (``process.tool_deformation``), or None
+    heat : its temperature field, where it has a mesh for that (``process.tool_heat``), or None
     """
 
     name: str
@@ -96,6 +97,7 @@ class KnownTool:
     drive: object | None = None
     deformation: object | None = field(default=None, repr=False)
     deformed: DeformedSurface | None = None
+    heat: object | None = field(default=None, repr=False)
     state: law.PointState | None = field(default=None, repr=False)
     traction: np.ndarray | None = field(default=None, repr=False)
     tangent: np.ndarray | None = field(default=None, repr=False)

@@ -127,7 +127,7 @@ class HeatField:
 
     # ------------------------------------------------------------------ on rank 0
     @cached_property
-    def _vertex_numbers(self) -> np.ndarray:
+    def vertex_numbers(self) -> np.ndarray:
         """Number of every local node among the vertices of all ranks, in the order of the gathered rows. Collective."""
         comm = self.nodes.comm
         mark = comm.bcast(gather_nodal(self.nodes, self.nodes.is_vertex), 0)
@@ -139,7 +139,7 @@ class HeatField:
         nodes, dofs = self.nodes, self.nodes.scalar_space.dofmap.index_map
         number_of = np.empty(dofs.size_global, int)      # of a dof by its global number; columns may be ghosts of ghosts
         mine = self._owned_vertices
-        known = nodes.comm.allgather((dofs.local_to_global(nodes.scalar_dofs[mine]), self._vertex_numbers[mine]))
+        known = nodes.comm.allgather((dofs.local_to_global(nodes.scalar_dofs[mine]), self.vertex_numbers[mine]))
         for dof, number in known:
             number_of[dof] = number
         rows = np.repeat(np.arange(len(self._matrix.indptr) - 1), np.diff(self._matrix.indptr))
@@ -178,4 +178,4 @@ class HeatField:
     def scattered(self, values: np.ndarray | None) -> np.ndarray:
         """The local part (nodes[, k]) of what :meth:`gathered` gave; mid-nodes have the mean of their edge. Collective."""
         values = self.nodes.comm.bcast(values, 0)
-        return self.nodes.with_mids(values[self._vertex_numbers])
+        return self.nodes.with_mids(values[self.vertex_numbers])
