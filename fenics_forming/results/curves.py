@@ -10,7 +10,8 @@ from .drawing import new_axes, saved
 from .progress import name_and_unit
 
 LEFT_OUT = ("step", "time_s", "load_factor", "dt_s", "wall_s", "newton_iterations", "cut_backs")
-KINDS = {"N": "force", "N/mm": "force", "N mm": "torque", "MPa": "stress", "°C": "temperature", "mm": "place"}   # by unit
+KINDS = {"N": "force", "N/mm": "force", "N mm": "torque", "MPa": "stress", "°C": "temperature", "mm": "place",
+         "J": "heat", "mJ": "energy"}                                                   # by unit
 WORDS = {"effective_strain": "effective strain", "volume_error": "volume error", "power_imbalance": "power imbalance",
          "damage": "damage", "stability": "stability number"}
 

@@ -14,7 +14,7 @@ WORDS = {
     "min_temperature_degC": "coldest",
     "max_temperature_degC": "hottest",
 }
-UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mW", "mJ", "mm3", "mm2", "mm", "N", "s")
+UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mW", "mJ", "J", "mm3", "mm2", "mm", "N", "s")
 
 
 def name_and_unit(column: str) -> tuple[str, str]:

@@ -86,7 +86,9 @@ def key_figures(results) -> list[tuple[str, str]]:
             words = words.replace("max ", "largest ").replace("min ", "smallest ")
             facts.append((words + ", at the end", f"{page.number(history.rows[-1][column])} {unit}".strip()))
     for body, extents in summary.get("extents_mm", {}).items():
-        sizes = ", ".join(f"{axis} {page.number(low)} … {page.number(high)}" for axis, (low, high) in extents.items())
+        largest = max(high - low for low, high in extents.values())
+        ends = {axis: [_place(value, largest) for value in between] for axis, between in extents.items()}
+        sizes = ", ".join(f"{axis} {low} … {high}" for axis, (low, high) in ends.items())
         facts.append((f"extents of {body} at the end, mm", sizes))
     errors = {c[len("volume_error_"):]: history.rows[-1][c] for c in history.columns if c.startswith("volume_error_")}
     facts += [(f"volume error of {body}", page.number(error)) for body, error in errors.items()]
@@ -101,6 +103,11 @@ def key_figures(results) -> list[tuple[str, str]]:
     if "wall_s" in summary:
         facts.append(("wall time", duration(summary["wall_s"])))
     return facts
+
+
+def _place(value: float, size: float) -> str:
+    """A place without the round-off that stands where it is zero."""
+    return page.number(value if abs(value) > 1e-9 * size else 0.0)
 
 
 def _work(results, tool) -> list[tuple[str, str]]:

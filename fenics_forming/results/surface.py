@@ -80,7 +80,8 @@ def plot_contact_pressure(results, frame: int | list[int] = -1, *, path: Path | 
             (line,) = ax.plot(curve.arc, curve.values, linewidth=1.6, label=label)
             if len(frames) == len(curves) == 1:
                 ax.fill_between(curve.arc, curve.values, color=line.get_color(), alpha=0.15, linewidth=0)
-    start = ", ".join(f"{x + 0.0:.3g}" for x in curves[0].points[0]) if curves else ""
+    near_zero = 1e-9 * np.ptp(curves[0].points) if curves else 0.0
+    start = ", ".join(f"{x if abs(x) > near_zero else 0.0:.3g}" for x in curves[0].points[0]) if curves else ""
     ax.set_xlabel(f"length along the surface from ({start}) (mm)")
     ax.set_ylabel(label_of("contact_pressure_MPa"))
     ax.grid(True, linewidth=0.5, alpha=0.4)
