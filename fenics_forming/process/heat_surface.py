@@ -9,9 +9,12 @@ import numpy as np
 from ..laws.heat_exchange import HeatExchange, NoExchange
 from ..physics.thermal import columns
 from ..physics.thermal.network import Network, Radiation, Surroundings
+from ..physics.thermal.pairing import dense_points
 from .tool_heat import ToolHeat, Touch
 
-CLOSED = 1e-2            # of the size of a contact facet: how near to a tool a point of the surface touches it
+CLOSED = 1e-2            # of the size of its facet: how near to a tool a point of the surface touches it
+FACING = 0.7             # cosine between the normals of both; a side that meets a tool with its edge does not lie on it
+MOST_PARTS = {2: 32, 3: 6}    # of a side, where the tool below has finer ones
 SHARE_UNKNOWN = 0.5      # of the friction heat, for the workpiece, where the tool's material is not known
 
 
@@ -57,25 +60,29 @@ class Surface:
     def __init__(self, heat, tools):
         self.heat, self.field = heat, heat.field
         facets = heat.facets
+        self._sides = _Sides(self.field.nodes.x[facets.facet_nodes])
         points, weights = facets.trace(self.field.nodes.x), facets.weights()
-        reach, nearest = CLOSED * facets.size(), np.full(len(weights), -1)
-        least = np.full(len(weights), np.inf)
+        points = points.reshape(len(facets.facet_nodes), -1, facets.dim)
+        nearest, least = np.full(len(weights), -1), np.full(len(weights), np.inf)
         for k, tool in enumerate(tools):
-            gap, _ = tool.gap(points)
-            nearer = (gap <= reach) & (gap < least)
+            gap = self._sides.gap(tool, points).ravel()
+            nearer = gap < least
             nearest[nearer], least[nearer] = k, gap[nearer]
         area = lambda mine: self.field.surface_sum(facets, weights * mine)  # noqa: E731
         self.free = area(nearest < 0)
         self.touched = {tool.name: area(nearest == k) for k, tool in enumerate(tools) if tool.name in heat.exchanges}
-        self._touch = {tool.name: self._points(tool, points, weights, nearest == k) for k, tool in enumerate(tools)
-                       if tool.name in heat.tool_heats}
+        self._touch = {tool.name: self._points(tool) for tool in tools if tool.name in heat.tool_heats}
 
-    def _points(self, tool, points, weights, mine) -> Touch:
-        facets, numbers = self.heat.facets, self.field.vertex_numbers
-        corners = np.repeat(numbers[facets.facet_nodes[:, : facets.dim]], facets.points_per_facet, axis=0)
-        hats = np.tile(facets.hats, (len(facets.facet_nodes), 1))
-        strength = self.heat.exchanges[tool.name].law.coefficient * weights
-        return Touch(tool.motion.to_tool(points[mine]), strength[mine], corners[mine], hats[mine])
+    def _points(self, tool) -> Touch:
+        """Points that touch a tool with a mesh, so dense that none of its sides goes without."""
+        facets, nodes, law = self.heat.facets, self.field.nodes, self.heat.exchanges[tool.name].law
+        parts = int(np.clip(np.ceil(2 * facets.size() / self.heat.tool_heats[tool.name].finest), 2, MOST_PARTS[nodes.dim]))
+        places, area, hats = dense_points(nodes.x[facets.facet_nodes], parts)
+        mine = self._sides.gap(tool, places) < np.inf
+        facet, point = np.nonzero(mine)
+        weight = np.broadcast_to(self.field.kinematics.weight_at(places[mine]), len(facet))
+        corners = self.field.vertex_numbers[facets.facet_nodes[:, : nodes.dim]]
+        return Touch(tool.motion.to_tool(places[mine]), law.coefficient * area[mine] * weight, corners[facet], hats[point])
 
     def step(self, temperature: np.ndarray, heat: np.ndarray, rubbed: dict[str, np.ndarray], state, dt: float) -> HeatStep:
         """A step of ``dt``, s, in which the nodes are given ``heat`` (nodes,) mJ, and the tools ``rubbed`` (nodes,) mJ
@@ -142,6 +149,24 @@ class Surface:
         left = {name: (steps, state.waited[name][1] + dt) if time == 0 else (0, 0.0)
                 for name, (steps, time) in waited.items()}
         return scattered(after), {name: scattered(values) for name, values in lost.items()}, tools, left, balance
+
+
+class _Sides:
+    """Sides of the surface (f, 3 | 6, dim), to ask which of their points lie on a tool."""
+
+    def __init__(self, x: np.ndarray):
+        dim = x.shape[2]
+        edges = x[:, 1:dim] - x[:, :1]
+        across = edges[:, 0, ::-1] * [1.0, -1.0] if dim == 2 else np.cross(edges[:, 0], edges[:, 1])
+        self._across = across / np.linalg.norm(across, axis=1, keepdims=True)
+        self._reach = CLOSED * np.linalg.norm(edges[:, 0], axis=1)
+
+    def gap(self, tool, points: np.ndarray) -> np.ndarray:
+        """Distances (f, q) of points (f, q, dim) of the sides from a tool, mm; inf where they do not lie on it."""
+        gap, normal = tool.gap(points.reshape(-1, points.shape[2]))
+        gap = gap.reshape(points.shape[:2])
+        facing = np.abs(np.einsum("fqd,fd->fq", normal.reshape(points.shape), self._across)) > FACING
+        return np.where((gap <= self._reach[:, None]) & facing, gap, np.inf)
 
 
 def due(tool: ToolHeat, waited: tuple[int, float], dt: float) -> tuple[int, float]:

@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from ..laws.heat_exchange import Air
+from ..physics.parallel import highest
 from ..physics.thermal import columns
 from ..physics.thermal.field import HeatField
 from ..physics.thermal.sources import PlasticHeat, friction_heat
@@ -29,6 +30,7 @@ class HeatState:
     columns : tool → (nodes, modes) of the columns below the nodes · tools : tool → temperatures of its vertices, degC
     waited : tool → steps and time, s, since heat was last conducted inside it
     drift : (nodes,) K/s, of the last step: change of temperature by conduction and exchange, without what was made
+    hottest : tool with a temperature of its own → that of its hottest place, degC
     made, lost : heat of the last step by source, and by where it went, mJ · imbalance : of it, relative
     cut_pairs : how many were left out in it (``Network.step``)
     """
@@ -36,6 +38,7 @@ class HeatState:
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     tools: dict[str, np.ndarray] = field(default_factory=dict)
     waited: dict[str, tuple[int, float]] = field(default_factory=dict)
+    hottest: dict[str, float] = field(default_factory=dict)
     drift: np.ndarray | None = None
     made: dict[str, float] = field(default_factory=dict)
     lost: dict[str, float] = field(default_factory=dict)
@@ -103,6 +106,7 @@ class BodyHeat:
         return HeatState(columns={name: columns.at_rest(count) for name in below}, drift=np.zeros(count),
                          tools={name: tool.first() for name, tool in self.tool_heats.items()},
                          waited=dict.fromkeys(self.tool_heats, (0, 0.0)),
+                         hottest={name: self.exchanges[name].law.temperature for name in [*below, *self.tool_heats]},
                          made=dict.fromkeys(self._names(), 0.0),
                          lost=dict.fromkeys([*self.exchanges, *self.air_parts()], 0.0))
 
@@ -176,10 +180,20 @@ class BodyHeat:
         self.seconds += perf_counter() - begun
         total = self.field.total
         return history, replace(
-            state, columns=found.columns, tools=found.tools, waited=found.waited, imbalance=found.imbalance,
-            cut_pairs=found.cut_pairs, drift=(found.temperature - temperature - warmed) / dt,
+            state, columns=found.columns, tools=found.tools, waited=found.waited,
+            hottest=self._hottest(found), imbalance=found.imbalance, cut_pairs=found.cut_pairs,
+            drift=(found.temperature - temperature - warmed) / dt,
             made={name: total(self._kept(name) * values * capacity) for name, values in made.items()},
             lost={name: total(values) for name, values in found.lost.items()})
+
+    def _hottest(self, found) -> dict[str, float]:
+        """The hottest place of every tool with a temperature of its own, degC. Collective."""
+        hottest = {name: float(temperatures.max()) for name, temperatures in found.tools.items()}
+        for name, modes in found.columns.items():
+            exchange = self.exchanges[name]
+            rise = highest(self.field.nodes.comm, float(columns.rise(modes, 0.0).max(initial=0.0)))
+            hottest[name] = exchange.law.temperature + rise / exchange.effusivity
+        return hottest
 
     def parts_built(self) -> list[str]:
         """What the problem consists of, as words."""

@@ -18,8 +18,9 @@ from ..physics.thermal.pairing import TouchedSides, conductances
 from ..scene import Scene
 from ..scene.heat import tool_material
 
-FINE = 0.25      # of the element size of the workpiece, at the contact, where the scene gives no mesh_size: heat goes less
-#                  deep in a stroke than the flow does
+# Of the element size of the workpiece, at the contact, where the scene gives no mesh_size: in a tenth of a second heat goes
+# a millimetre deep into a die, and a layer of elements that is thicker takes up too much. In space that is too many.
+FINE = {2: 0.1, 3: 0.25}
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class ToolHeat:
 
     Attributes
     ----------
-    count : of its vertices · network : capacities, pairs and conductances on rank 0, None elsewhere
+    count : of its vertices · finest : side of its surface, mm
+    network : capacities, pairs and conductances on rank 0, None elsewhere
     """
 
     def __init__(self, nodes: Nodes, kinematics, law: CoupledExchange, *, conductivity: float, volumetric_capacity: float):
@@ -59,6 +61,7 @@ class ToolHeat:
         sides = facet_sides(nodes, exterior_facets(nodes.mesh))[:, : nodes.dim]
         parts = nodes.comm.gather(self.field.vertex_numbers[sides], 0)
         self._sides = None if parts is None else TouchedSides(x, np.concatenate(parts))
+        self.finest = nodes.comm.bcast(None if self._sides is None else self._sides.finest, 0)
 
     def first(self) -> np.ndarray:
         """Temperatures of the vertices (v,) at the start, degC."""
@@ -88,7 +91,7 @@ def tool_heat(scene: Scene, name: str, comm) -> ToolHeat:
     size = tool.mesh_size
     contact, far = (None, None) if size is None else (size.contact, size.far)
     if contact is None and body.mesh_size is not None:
-        contact = FINE * body.mesh_size
+        contact = FINE[scene.dimension] * body.mesh_size
     mirrors = [scene.axes.index(a) for a in tool.symmetry] + [0] * (scene.geometry == "axisymmetric")
     mesh = solid_mesh(tool.shape, scene.dimension, contact=contact, far=far, near=near, mirrors=mirrors, comm=comm)
     material = scene.materials[tool_material(scene, name)]

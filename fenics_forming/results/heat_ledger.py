@@ -36,9 +36,10 @@ class HeatLedger:
         self.cut_pairs = max(self.cut_pairs, state.cut_pairs)
 
     def row(self, state, unit: str) -> dict[str, float]:
-        """Columns of the history: sums so far, in J, and the imbalance of the last step."""
+        """Columns of the history: the hottest place of tools, sums so far in J, and the imbalance of the last step."""
         sums = {f"heat_{name.replace('.', '_')}_{unit}": heat / 1000 for name, heat in self.sums.items()}
-        return sums | {"heat_imbalance": state.imbalance}
+        hottest = {f"max_temperature_{name}_degC": value for name, value in state.hottest.items()}
+        return hottest | sums | {"heat_imbalance": state.imbalance}
 
     def doubts(self) -> list[str]:
         """A sentence where heat was lost or made by the computation itself."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..physics.parallel import highest, lowest
 from .fields import FieldWriter
 from .files import on_rank_zero
+from .heat_frames import ToolHeatFrames
 from .history import History
 from .recorder import peak_memory, versions
 from .results import Results, write_summary
@@ -34,6 +35,7 @@ class HeatRecorder:
         if self.out is not None:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
+            self.tool_heat = ToolHeatFrames(self.out, run.tools, self.comm, resume_after=resume_after)
         history = None if self.out is None else self.out / "history.csv"
         if history is not None and resume_after is not None:
             self.history = History.read(history, self.comm)
@@ -90,6 +92,7 @@ class HeatRecorder:
             self._last_frame = run.step
             self.fields.write(run.nodes, step=run.step, time=run.time,
                               point_data={"temperature_degC": run.history["temperature"]})
+            self.tool_heat.write(step=run.step, time=run.time, state=run.state)
 
     # ------------------------------------------------------------------ the end
     def finish(self, why: str, warnings: list[str]) -> None:

@@ -17,6 +17,7 @@ from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
+from .heat_frames import ToolHeatFrames
 from .history import History
 from .results import Results
 
@@ -44,10 +45,12 @@ class Recorder:
         self.motion = MotionRecord(simulation, self.bodies.copies)
         self.iterations, self._last_frame = 0, -1
         history = None if self.out is None else self.out / "history.csv"
-        self.fields = self.lines = self.contact_forces = None
+        self.fields = self.lines = self.contact_forces = self.tool_heat = None
         if self.out is not None:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
+            if self.heat is not None:
+                self.tool_heat = ToolHeatFrames(self.out, simulation.body.tools, self.comm, resume_after=resume_after)
             if simulation.lines is not None:
                 self.lines = FlowLineWriter(self.out, self.comm, resume_after=resume_after)
             on_rank_zero(self.comm, lambda: (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8"))
@@ -197,6 +200,8 @@ class Recorder:
             self.contact_forces.write(run.body.contact, step=state.step, time=state.time)
         if self.tools is not None:
             self.tools.write(step=state.step, time=state.time)
+        if self.tool_heat is not None and state.heat is not None:
+            self.tool_heat.write(step=state.step, time=state.time, state=state.heat)
         if self.lines is not None:
             self.lines.write(step=state.step, time=state.time, places=run.lines.places,
                              fields={name: run.lines.values(values) for name, values in in_words(state.history).items()})

@@ -57,7 +57,7 @@ def test_a_slab_cools_as_heisler_has_it(biot, fourier, centre, surface, mean):
     """REFERENCES.md 9.3; of the first temperature difference, 1."""
     length, (conductivity, capacity) = 10.0, STEEL
     body = strip(length, air=Air(temperature=0, coefficient=biot * conductivity / length))
-    end, steps = fourier * length**2 * capacity / conductivity, 250
+    end, steps = fourier * length**2 * capacity / conductivity, 400
     found, _, worst = after(body, 1.0, (end / steps, steps))
     assert at(body, found, 0) == pytest.approx(centre, rel=5e-3)
     assert at(body, found, length) == pytest.approx(surface, rel=5e-3)
@@ -70,7 +70,7 @@ def test_a_cylinder_cools_as_heisler_has_it(fourier, centre, surface):
     """REFERENCES.md 9.3, Bi = 1: the weights 2 pi r, and the axis where they vanish."""
     length, (conductivity, capacity) = 10.0, STEEL
     body = strip(length, "axisymmetric", air=Air(temperature=0, coefficient=conductivity / length))
-    end, steps = fourier * length**2 * capacity / conductivity, 250
+    end, steps = fourier * length**2 * capacity / conductivity, 400
     found, _, worst = after(body, 1.0, (end / steps, steps))
     assert at(body, found, 0) == pytest.approx(centre, rel=5e-3)
     assert at(body, found, length) == pytest.approx(surface, rel=5e-3)
@@ -169,3 +169,32 @@ def test_a_run_of_heat_alone_builds_no_velocities(monkeypatch):
     results = ball({"temperature": 20, "emissivity": 0.8}, stop=1.0, step=0.5)
     assert results.summary["parts_built"] == ["heat conduction", "heat to radiation"]
     assert not any("force" in column or "strain" in column for column in results.history.columns)
+
+
+def two_bars(time, steps, size):
+    """A hot bar of steel against a die, side by side along x, insulated elsewhere; a scene of heat alone."""
+    material = lambda k, c, d: {"conductivity": f"{k} W/m/K", "specific_heat": f"{c} J/kg/K", "density": f"{d} kg/m^3"}  # noqa: E731
+    length, high = 12 * np.sqrt(8 * time), 3 * size
+    return Scene.read({
+        "geometry": "plane_strain", "materials": {"steel": material(25, 650, 7500), "die": material(30, 500, 7800)},
+        "workpieces": {"bar": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [length, high]}, "material": "steel",
+                               "temperature": 1200, "mesh_size": 12 * size,
+                               "refine": [{"kind": "near_tool", "tool": "die", "distance": size, "size": size}]}},
+        "tools": {"die": {"shape": {"kind": "rectangle", "from": [-length, 0], "to": [0, high]}, "material": "die",
+                          "mesh_size": {"contact": size, "far": 12 * size},
+                          "heat_exchange": {"kind": "coupled", "temperature": 200, "coefficient": "10000 W/m^2/K"}}},
+        "points": {"face": {"body": "bar", "at": [0, high / 2]}},
+        "process": {"flow": False}, "steps": {"time": time / steps}, "stop": {"time": time}})
+
+
+@pytest.mark.parametrize(("time", "steps", "size"), [(0.1, 80, 0.05), (10.0, 200, 0.4)])
+def test_a_bar_on_a_die_with_a_temperature_field_is_two_half_spaces(time, steps, size):
+    """REFERENCES.md 9.1: both surfaces and the flux within 0.5 %; what the bar loses the die has."""
+    history = simulate(two_bars(time, steps, size)).history
+    steel, die, flux = HALF_SPACES[time]
+    last = history.rows[-1]
+    assert last["face_temperature_degC"] == pytest.approx(steel, rel=5e-3)
+    assert last["max_temperature_die_degC"] == pytest.approx(die, rel=5e-3)
+    lost = np.diff(history.column("heat_to_die_J_per_mm"))[-1] * 1000 / (time / steps) / (3 * size)
+    assert lost == pytest.approx(flux, rel=5e-3)
+    assert np.abs(history.column("heat_imbalance")).max() < 1e-8

@@ -5,7 +5,34 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..locating import slopes
+from ..nodes import quadratic_shapes
+
 NEIGHBOURS = 8      # sides that are tried for every point: those with the nearest middles, and around the nearest vertex
+
+
+def dense_points(x: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points spread evenly over curved sides, ``parts`` along each edge: places (f, q, dim), mm, surface that belongs to
+    each (f, q), mm² (mm), and the hats of the vertices there, (q, dim).
+
+    Parameters
+    ----------
+    x : (f, 3 | 6, dim) nodes of the sides, the vertices first
+    """
+    dim = x.shape[2]
+    if dim == 2:
+        s = (np.arange(parts) + 0.5) / parts
+        hats = np.column_stack([1 - s, s])
+    else:
+        i, j = (k.ravel() for k in np.meshgrid(np.arange(parts), np.arange(parts), indexing="ij"))
+        up, down = i + j < parts, i + j < parts - 1
+        inner = np.concatenate([np.column_stack([i + 1 / 3, j + 1 / 3])[up], np.column_stack([i + 2 / 3, j + 2 / 3])[down]])
+        hats = np.column_stack([1 - inner.sum(axis=1) / parts, inner / parts])
+    along = np.einsum("qak,fad->fqkd", slopes(hats, dim - 1), x)
+    along = along[:, :, 1:] - along[:, :, :1]
+    stretch = np.linalg.norm(along[:, :, 0], axis=-1) if dim == 2 else \
+        0.5 * np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
+    return np.einsum("qa,fad->fqd", quadratic_shapes(hats, dim - 1), x), stretch / len(hats), hats
 
 
 class TouchedSides:
@@ -19,6 +46,7 @@ class TouchedSides:
     def __init__(self, x: np.ndarray, sides: np.ndarray):
         self.x, self.sides = x, sides
         self._middles = cKDTree(x[sides].mean(axis=1))
+        self.finest = float(np.linalg.norm(x[sides[:, 1]] - x[sides[:, 0]], axis=1).min())
 
     def find(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (p, dim) of the side that is nearest to each point, and the hats (p, dim) of its nearest place: they are
