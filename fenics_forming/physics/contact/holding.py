@@ -39,7 +39,8 @@ def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.nd
          penalty: np.ndarray, slips: np.ndarray | None = None) -> Hold:
     """Friction for relative displacements (points, dim), a limit (points,) and its derivative by the pressure.
 
-    stiffness : along the surface, penalty : across it, both (points,) N/mm³; ``state.slip`` is s_h, ``state.friction_stress`` lambda
+    stiffness : along the surface, penalty : across it, both (points,) N/mm³; s_h is ``state.slip``, lambda
+        ``state.friction_stress``
     slips : (points,) which slip and which hold, where that is not to be found
     """
     n = state.normal

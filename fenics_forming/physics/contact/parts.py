@@ -10,6 +10,7 @@ from . import point_law as law
 from .bodies import BodyContact
 from .holding import Hold, augmented, held_places, hold
 
+STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
 
 
@@ -28,7 +29,10 @@ class PartContactField(BodyContact):
     friction_work = interference_work = 0.0
 
     def begin(self) -> None:
-        """Nothing has been carried yet, whatever overlap the parts have."""
+        """Nothing has been carried yet, whatever overlap the parts have. Collective."""
+        ends = self.nodes.x[self.points.sides[:, :2]]
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        self.smallest_side = lowest(self.nodes.comm, float(length.min(initial=np.inf)))
         count, dim = len(self.weights), self.dim
         self._hold = Hold(np.zeros((count, dim)), np.zeros((count, dim, dim)), np.zeros((count, dim)),
                           np.zeros(count, bool))
@@ -48,11 +52,13 @@ class PartContactField(BodyContact):
         self._relative = relative
         if self.has_friction:
             pressure, yield_stress = state.pressure, UNLIMITED if flow_stress is None else flow_stress
-            limit = self.friction.limit(pressure, yield_stress)
+            limit, rise = self.friction.limit(pressure, yield_stress), self.friction.rise(pressure, yield_stress)
+            if not (self.friction.depends_on_pressure or self.friction.sticks):
+                steep = pressure < limit / STEEPEST
+                limit, rise = np.where(steep, STEEPEST * pressure, limit), np.where(steep, STEEPEST, rise)
             if closed is not None:
                 limit = np.where(closed & ~self._hold.slips, UNLIMITED, limit)      # what touches holds in the first guess
-            self._hold = hold(state, relative, limit, self.friction.rise(pressure, yield_stress),
-                              stiffness=self.coefficient, penalty=self.coefficient,
+            self._hold = hold(state, relative, limit, rise, stiffness=self.coefficient, penalty=self.coefficient,
                               slips=self._hold.slips if same else None)
             self.traction = self.traction + self._hold.traction
             self._tangent = self._tangent + self._hold.tangent
@@ -78,6 +84,14 @@ class PartContactField(BodyContact):
         super().augment()
         if self.has_friction:
             self.state.friction_stress, self.state.slip = augmented(self.state, self._hold)
+
+    def multipliers(self) -> tuple[np.ndarray, ...]:
+        """What :meth:`augment` changes: multipliers of pressure and friction, and where points hold."""
+        return self.state.multiplier, self.state.friction_stress, self.state.slip
+
+    def set_multipliers(self, multipliers: tuple[np.ndarray, ...]) -> None:
+        """Take back what :meth:`augment` has done since :meth:`multipliers`."""
+        self.state.multiplier, self.state.friction_stress, self.state.slip = multipliers
 
     def penetration(self) -> float:
         """Greatest overlap left where pressure acts, and greatest give of points that hold, mm. Collective."""

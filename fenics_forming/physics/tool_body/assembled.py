@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
+from ...errors import ConvergenceError
 from ...laws import Friction, NoFriction
 from ..contact.parts import UNLIMITED, PartContactField
 from ..linear import DirectSolver
@@ -24,8 +25,8 @@ from .elastic import set_held_rows
 from .field import at_nodes
 from .plastic import PlasticSolver, ToolSettings
 
-TOUCHING = 1e-9     # of the size of the tool: parts that touch at the start hold each other in the first iteration, those
-                    # with a gap where it is least: nothing else may hold them
+TOUCHING = 1e-3     # of the smallest side: parts with no wider gap hold each other in the first iteration, others where the
+                    # gap is least: nothing else may hold them
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
@@ -80,7 +81,7 @@ class AssembledSolver(PlasticSolver):
         self._merged: PETSc.Mat | None = None
         self._factorised: list[np.ndarray] | None = None
         self._same = False
-        self._touching = self._touch = TOUCHING * float(np.linalg.norm(np.diff(body.nodes.extents(), axis=0)))
+        self._touching = self._fresh = True
         stiffness = self._stiffness()
         for contact, given in zip(self.contacts, contacts, strict=True):
             contact.search(body.nodes.x, 1.0)
@@ -89,17 +90,18 @@ class AssembledSolver(PlasticSolver):
             contact.begin()
         self._given = contacts
         self._find_limits()
+        self._refuse_unlimited()
         self._respond()
         self._balanced, self._accepted_tangents = self._forces, self._tangents
-        self._touching = None
+        self._touching = False
 
     def set_interference(self, part: float) -> None:
         """Let the parts of the next solve overlap by a part of what is declared: a way to bring it on in steps."""
         for contact, given in zip(self.contacts, self._given, strict=True):
             _declare(contact, None if given.interference is None else part * given.interference)
-        self._touching = self._touch
+        self._touching = True
         self._forces = self.internal_forces()
-        self._touching = None
+        self._touching = False
 
     def _stiffness(self) -> np.ndarray:
         """Diagonal of the elastic stiffness at the nodes, mean over the components, (nodes,), N/mm."""
@@ -108,7 +110,7 @@ class AssembledSolver(PlasticSolver):
         return self.body.nodal_forces(matrix.getDiagonal()).mean(axis=1)
 
     def _per_area(self, contact: PartContactField, stiffness: np.ndarray) -> np.ndarray:
-        """Stiffness of the nodes of a side over its surface, mean over the sides of every carrier, (carriers,), N/mm³: where
+        """Stiffness of the nodes of a side over its surface, mean over the sides of a carrier, (carriers,), N/mm³: where
         the mesh is fine the surface is stiff."""
         shape = len(contact.points.sides), contact.points.per_side
         at_points, weights = contact.points.trace(stiffness).reshape(shape), contact.point_weights.reshape(shape)
@@ -122,12 +124,19 @@ class AssembledSolver(PlasticSolver):
         for _ in range(self.augmentations):
             if self.relative_penetration() <= self.penetration:
                 break
+            before = [contact.multipliers() for contact in self.contacts]
             for contact in self.contacts:
                 contact.augment()
             self._same = True
             self._forces = self.internal_forces()
             self._same = False
-            spent += self._equilibrate(self.force, held, 1.0)
+            try:
+                spent += self._equilibrate(self.force, held, 1.0)
+            except ConvergenceError:        # what is found already is in balance, with some penetration
+                for contact, multipliers in zip(self.contacts, before, strict=True):
+                    contact.set_multipliers(multipliers)
+                self._take_back()
+                break
             self._accept(self.force)
         return spent
 
@@ -173,16 +182,32 @@ class AssembledSolver(PlasticSolver):
         vector = super().internal_forces()
         for contact in self.contacts:
             limit = contact.softer(self._yield_stress) if self._limited and contact.has_friction else None
-            touching = None if self._touching is None else max(self._touching, contact.least_gap())
+            touching = max(TOUCHING * contact.smallest_side, contact.least_gap()) if self._touching else None
             contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=touching, same=self._same)
             vector.axpy(-1.0, contact.forces())
         return vector
 
+    def _take_back(self) -> None:
+        self._touching = self._fresh
+        super()._take_back()
+        self._touching, self._tangents = False, self._accepted_tangents     # the next increment starts with them
+
     def _accept(self, force: PETSc.Vec) -> None:
         super()._accept(force)
+        self._fresh = False
         for contact in self.contacts:
             contact.accept()
         self._find_limits()
+
+    def _refuse_unlimited(self) -> None:
+        """Friction that only the yield stress limits needs parts that can yield. Collective."""
+        for number, contact in enumerate(self.contacts):
+            if not contact.has_friction or contact.friction.sticks or contact.friction.law == "coulomb":
+                continue
+            limit = contact.softer(self._yield_stress) if self._limited else np.full(1, UNLIMITED)
+            if highest(self.body.nodes.comm, float(limit.max(initial=0.0))) > 0.5 * UNLIMITED:
+                raise ValueError(f"contact {number}: '{contact.friction.law}' friction is a part of the yield stress, and "
+                                 "neither part can yield; give a yield_stress to one, or take 'coulomb'")
 
     def _find_limits(self) -> None:
         """Yield stress at the nodes, (nodes,) MPa, in the accepted state: it limits the friction of the step to come."""
@@ -210,8 +235,8 @@ class AssembledSolver(PlasticSolver):
         self._tangent_increment()
 
     def _usual_force(self, target: PETSc.Vec) -> float:
-        """See `PlasticSolver._usual_force`; without the forces after the first increment, which flings off what contact does
-        not hold yet."""
+        """See `PlasticSolver._usual_force`; without the forces after the first increment, which flings off what contact
+        does not hold yet."""
         return max(self._largest_force, target.norm(), self._driving)
 
     def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:

@@ -1,0 +1,127 @@
+"""Friction between parts of a tool: block, incline, capstan (REFERENCES.md 7), memory of what holds, work, two ranks.
+
+No slip is regularised here: a part holds or slips, so the only error of a limit is that of the solve.
+"""
+
+import numpy as np
+import pytest
+
+from fenics_forming import ConvergenceError, FixedDisplacement, Pressure, Traction, laws, meshing
+from fenics_forming.physics.nodes import Nodes
+from fenics_forming.physics.tool_body import AssembledSolver, PartContact, ToolBody, ToolSettings, fields
+
+from .shapes import ring_sector, side
+from .test_tools_assembled import facing, side_by_side
+from .test_tools_elastic import STEEL, at_radius
+
+SOFT = STEEL.replaced(yield_stress=100.0)
+
+
+def blocks(friction, *, kind="plane_stress", element="integration_point", cells=(4, 6), law=STEEL, height=10.0,
+           side_held=True, **numbers):
+    """Two blocks 20 x 20 (x 20) mm on one another, the lower one held at its foot, the upper one sideways at its top."""
+    dim = 3 if kind == "3d" else 2
+    low, high = (np.zeros(dim), np.full(dim, 20.0)), (np.zeros(dim), np.full(dim, 20.0))
+    low[1][-1] = height
+    high[0][-1], high[1][-1] = height, 2 * height
+    make = meshing.box if dim == 3 else meshing.rectangle
+    mesh = side_by_side(make(*low, (cells[0],) * (dim - 1) + (2,)), make(*high, (cells[1],) * (dim - 1) + (2,)))
+    between = meshing.boundary_facets(mesh, lambda x: np.isclose(x[dim - 1], height))
+    upper, lower = facing(mesh, between, lambda x: x[:, dim - 1] > height)
+    slave, master = (upper, lower) if cells[1] >= cells[0] else (lower, upper)
+    foot, top = side(mesh, dim - 1, 0.0), side(mesh, dim - 1, 2 * height)
+    conditions = [FixedDisplacement(foot, i) for i in range(dim)]
+    if side_held:
+        conditions += [FixedDisplacement(top, i, 0.04 if i == 0 else 0.0) for i in range(dim - 1)]
+    body = ToolBody(Nodes(mesh), kinematics=kind, material=law, held=conditions)
+    return AssembledSolver(body, [PartContact(slave, master, friction=friction, element=element)], **numbers), foot, top
+
+
+def balance(solver):
+    """Work that came in and was not stored or dissipated, relative to what came in."""
+    found = fields(solver)
+    came = solver.external_work + solver.interference_work
+    return (came - found.elastic_energy - solver.plastic_work - solver.friction_work) / came
+
+
+# ---------------------------------------------------------------------- blocks
+@pytest.mark.parametrize("element", ["integration_point", "node"])
+@pytest.mark.parametrize("kind, cells, force", [("plane_stress", (4, 6), 150.0), ("plane_strain", (6, 4), 150.0),
+                                                ("3d", (2, 3), 3000.0)])
+def test_block_that_is_pushed_along_needs_the_coefficient_times_its_load(kind, cells, force, element):
+    """REFERENCES.md 7: 50 MPa on 20 x 20 mm, coefficient 0.15: 3000 N (150 N/mm), whatever the meshes; before that it holds
+    like one piece. All work is stored or lost in friction."""
+    solver, foot, top = blocks(laws.Coulomb(coefficient=0.15), kind=kind, cells=cells, element=element)
+    solver.solve([Pressure(top, 50)], held=0.0, steps=1)
+    pushed = []
+    for part in (0.1, 0.5, 1.0):
+        solver.solve([Pressure(top, 50)], held=part, steps=2)
+        pushed.append(fields(solver).reaction(top)[0])
+    assert pushed[1:] == pytest.approx([force] * 2, rel=1e-4)
+    assert 0 < pushed[0] < force
+    contact = solver.contacts[0]
+    assert abs(contact.force()[0]) == pytest.approx(force, rel=1e-4)
+    assert abs(balance(solver)) < 1e-8
+
+
+def test_pushed_back_block_holds_until_it_slips_the_other_way():
+    """What holds remembers: the force falls from one limit to the other by twice the stiffness of the stuck blocks."""
+    solver, _, top = blocks(laws.Coulomb(coefficient=0.15))
+    found = []
+    for part in (0.0, 1.0, 0.98, 0.5, 0.48):
+        solver.solve([Pressure(top, 50)], held=part, steps=1 if part == 0.0 else 4)
+        found.append(fields(solver).reaction(top)[0])
+    assert [found[1], found[3], found[4]] == pytest.approx([150.0, -150.0, -150.0], rel=1e-4)
+    assert -150 < found[2] < 150
+    assert abs(balance(solver)) < 1e-9
+
+
+def test_shear_factor_limits_friction_whatever_the_pressure():
+    """REFERENCES.md 7: m k = 0.3 * 100 / sqrt(3) = 17.3205 MPa, 346.41 N/mm on 20 mm. At the end that lifts off
+    the pressure falls below m k, and friction with it: it never exceeds the pressure."""
+    solver, _, top = blocks(laws.Siebel(factor=0.3), law=SOFT, kind="plane_strain", height=2.0)
+    solver.solve([Pressure(top, 50)], held=0.0, steps=1)
+    solver.solve([Pressure(top, 50)], held=1.0, steps=6)
+    contact = solver.contacts[0]
+    expected = np.minimum(contact.state.pressure, 17.3205)
+    assert np.abs(contact.traction[:, 0]) == pytest.approx(expected, rel=1e-3)
+    assert (expected == 17.3205).mean() > 0.8
+    assert fields(solver).reaction(top)[0] == pytest.approx(expected @ contact.weights, rel=1e-4)
+
+
+def test_friction_that_does_not_depend_on_pressure_needs_parts_that_can_yield():
+    with pytest.raises(ValueError, match="yield"):
+        blocks(laws.Siebel(factor=0.3))
+
+
+# ---------------------------------------------------------------------- incline
+@pytest.mark.parametrize("coefficient, critical", [(0.2, 11.3099), (0.3, 16.6992)])
+def test_block_on_an_incline_slides_beyond_the_angle_of_friction(coefficient, critical):
+    """REFERENCES.md 7: tan(angle) = coefficient. The load is turned until nothing holds the block any more; steps of a
+    thousandth of the way."""
+    solver, _, top = blocks(laws.Coulomb(coefficient=coefficient), kind="plane_strain", height=1.0, side_held=False,
+                            settings=ToolSettings(steps=8, smallest_step=1e-3))
+    solver.solve([Pressure(top, 10)], steps=1)
+    with pytest.raises(ConvergenceError):
+        solver.solve([Pressure(top, 10), Traction(top, (10 * 0.4, 0))], steps=8)
+    assert np.degrees(np.arctan(0.4 * solver.reached)) == pytest.approx(critical, rel=5e-3)
+
+
+# ---------------------------------------------------------------------- capstan
+@pytest.mark.parametrize("coefficient, around", [(0.1, 1.170089), (0.3, 1.601911)])
+def test_belt_around_a_drum_holds_the_more_the_farther_it_reaches(coefficient, around):
+    """REFERENCES.md 7, body on body: T2 / T1 = exp(coefficient * angle) for a quarter. The belt, 0.5 mm on a radius of 50,
+    carries its tension in its middle, a quarter of a per cent farther out than the friction."""
+    inner, thick, pull = 50.0, 0.5, 100.0
+    mesh = side_by_side(ring_sector(40, inner, 3, 24), ring_sector(inner, inner + thick, 1, 60))
+    belt, drum = facing(mesh, at_radius(mesh, inner), lambda x: np.hypot(*x.T) > inner)
+    near = {axis: meshing.boundary_facets(mesh, lambda x, a=axis: np.isclose(x[a], 0) & (x[1 - a] > inner - 1e-6))
+            for axis in (0, 1)}
+    inside = at_radius(mesh, 40)
+    held = [FixedDisplacement(inside, i) for i in (0, 1)] + [FixedDisplacement(near[0], 0, -0.4)]
+    body = ToolBody(Nodes(mesh), kinematics="plane_stress", material=STEEL, held=held)
+    solver = AssembledSolver(body, [PartContact(belt, drum, friction=laws.Coulomb(coefficient=coefficient))])
+    slack = Traction(near[1], (0.0, -pull / thick))
+    solver.solve([slack], held=1.0, steps=8)
+    tension = -fields(solver).reaction(near[0])[0]
+    assert tension / pull == pytest.approx(around, rel=1e-2)
