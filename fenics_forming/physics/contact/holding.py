@@ -24,6 +24,9 @@ import numpy as np
 from .point_law import PointState
 
 
+AT_LIMIT = 1e-8     # of the limit: a point that was left on it holds at first, whatever the rounding
+
+
 @dataclass(frozen=True)
 class Hold:
     """Friction at points after an increment: traction (points, dim) on the slave, N/mm²; its tangent (points, dim, dim);
@@ -48,7 +51,7 @@ def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.nd
     along = np.einsum("pij,pj->pi", projector, relative)
     trial = np.einsum("pij,pj->pi", projector, state.friction_stress) - stiffness[:, None] * (along - state.slip)
     length = np.linalg.norm(trial, axis=1)
-    slips = state.active & (length > limit if slips is None else slips)
+    slips = state.active & (length > (1 + AT_LIMIT) * limit if slips is None else slips)
     share = np.divide(limit, length, out=np.ones_like(length), where=slips & (length > 0))
     direction = np.divide(trial, length[:, None], out=np.zeros_like(trial), where=(slips & (length > 0))[:, None])
     tangent = (stiffness * share)[:, None, None] * (projector - direction[:, :, None] * direction[:, None, :])
