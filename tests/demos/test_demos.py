@@ -12,12 +12,14 @@ from demos import (
     bimetal_upsetting,
     block_upsetting_3d,
     closed_die,
+    drop_and_rest,
     extrusion,
     flat_rolling,
     hammer_forging,
     ring_compression,
     ring_rolling_rotation,
     riveting,
+    taylor_impact,
 )
 from demos.comparison import Compared, Disagreement, compare
 from fenics_forming import read_scene
@@ -135,8 +137,24 @@ def test_the_block_in_space_is_upset_with_new_meshes(tmp_path, capsys):
     assert abs(slender[0] - 1.5) < 0.002 and slender[1] < 1.25
 
 
-DEMOS = [assembled_die, billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, extrusion, ring_compression,
-         riveting]
+DEMOS = [assembled_die, billet_upsetting, bimetal_upsetting, block_upsetting_3d, closed_die, drop_and_rest,
+         extrusion, ring_compression, riveting, taylor_impact]
+
+
+def test_the_rod_stops_at_the_wall_with_the_length_of_the_reference(tmp_path, capsys):
+    results = taylor_impact.main(coarse=True, out=tmp_path)
+    assert "length at the end" in capsys.readouterr().out
+    assert (tmp_path / "taylor_impact.png").stat().st_size > 10_000
+    assert results.summary["remeshings"] > 0
+    kinetic = results.history.column("kinetic_energy_mJ")
+    assert np.all(np.diff(kinetic) < 1e-6 * kinetic[0]), "nothing drives it"
+
+
+def test_the_bar_finds_its_place_in_the_groove(tmp_path, capsys):
+    results = drop_and_rest.main(coarse=True, out=tmp_path)
+    assert "height of the centre at rest" in capsys.readouterr().out
+    assert (tmp_path / "drop_and_rest.png").stat().st_size > 10_000
+    assert results.force("punch")[-1] > 1e4 * drop_and_rest.WEIGHT
 
 
 @pytest.mark.parametrize("demo", DEMOS)

@@ -1,0 +1,119 @@
+"""Runs with inertia: resumed, on two ranks, with cut steps; what they keep from step to step goes along."""
+
+import numpy as np
+import pytest
+
+from fenics_forming import Simulation, read_scene, simulate
+from fenics_forming.errors import ConvergenceError
+from fenics_forming.process.body import FlowingBody
+
+from .test_ranks import on_ranks, same
+
+ROD = """
+geometry = "axisymmetric"
+process = { inertia = true, weight = true }
+[materials.copper]
+flow_stress = { law = "linear", initial = 400, hardening = 100 }
+density = "8930 kg/m^3"
+[workpieces.rod]
+shape = { kind = "rectangle", from = [0, 0], to = [3.2, 20] }
+material = "copper"
+mesh_size = 1.6
+remesh = { every = 4 }
+initial_velocity = [0, "-200 m/s"]
+[tools.wall]
+shape = { kind = "plane", point = [0, 0], normal = [0, 1] }
+[points.tail]
+body = "rod"
+at = [0, 20]
+[steps]
+time = "1.5 us"
+[stop]
+time = "18 us"
+[output]
+fields_every = 0
+checkpoint_every = 1
+"""
+BETWEEN = 1e-10     # relative; a resumed run repeats the interrupted one but for the order of sums
+
+
+@pytest.fixture
+def rod(tmp_path):
+    path = tmp_path / "rod.toml"
+    path.write_text(ROD, encoding="utf-8")
+    return path
+
+
+class Interrupt:
+    """An observer that ends the run after a step."""
+
+    def __init__(self, step):
+        self.last = step
+
+    def step(self, row, limited_by):
+        if row["step"] == self.last:
+            raise KeyboardInterrupt
+
+    def started(self, *_):
+        pass
+
+    note = finished = started
+
+
+@pytest.mark.parametrize("scheme", ["implicit", "etd2"])
+def test_a_resumed_run_is_the_uninterrupted_one(rod, tmp_path, scheme):
+    """Velocities before and now, the mass of every point, energies and impulses are in the checkpoint."""
+    scene = read_scene(rod, set=[f"steps.scheme='{scheme}'"])
+    whole = simulate(scene)
+    with pytest.raises(KeyboardInterrupt):
+        Simulation(scene).run(tmp_path / "out", observer=Interrupt(6))
+    resumed = Simulation(scene, resume=tmp_path / "out" / "checkpoint.npz").run(tmp_path / "out")
+    same(whole.history, resumed.history, within=BETWEEN)
+    energies = [run.summary["ledger"]["energy"]["mJ"] for run in (whole, resumed)]
+    assert energies[0]["remeshing"] != 0.0
+    for name, value in energies[0].items():
+        assert abs(value - energies[1][name]) < BETWEEN * energies[0]["start"], name
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_what_one_finds(rod, tmp_path):
+    one = simulate(read_scene(rod))
+    two = on_ranks(2, ROD, tmp_path / "two")
+    same(one.history, two.history, but=("wall_s",))
+
+
+def test_a_step_that_fails_leaves_no_trace_in_energy_and_momentum(rod, monkeypatch):
+    """A step is cut and tried again: the books show only what was accepted."""
+    original, calls = FlowingBody.solve, []
+
+    def failing(self, *args, **more):
+        calls.append(None)
+        if len(calls) == 9:         # the end of a step: its first half has been booked
+            raise ConvergenceError("on purpose")
+        return original(self, *args, **more)
+
+    monkeypatch.setattr(FlowingBody, "solve", failing)
+    ledger = simulate(read_scene(rod, set=["workpieces.rod.remesh=false"])).summary["ledger"]
+    assert len(calls) > 9 + 2 * 8
+    assert ledger["energy"]["worst_relative_imbalance"] < 1e-4
+    assert abs(ledger["momentum_Ns"]["z"]["relative_error"]) < 2e-3
+
+
+def test_mass_and_momentum_survive_a_new_mesh(rod):
+    """To rounding, in every remeshing; the kinetic energy to a per cent on this coarse mesh."""
+    run = Simulation(read_scene(rod))
+    mass = run.body.inertia.mass.total()
+    results = run.run()
+    assert results.summary["remeshings"] >= 2
+    assert run.body.inertia.mass.total() == pytest.approx(mass, rel=1e-13)
+    ledger = results.summary["ledger"]
+    assert abs(ledger["momentum_Ns"]["z"]["relative_error"]) < 2e-3
+    assert abs(ledger["energy"]["mJ"]["remeshing"]) < 0.03 * ledger["energy"]["mJ"]["start"]
+
+
+def test_without_inertia_nothing_of_it_is_recorded(rod):
+    results = simulate(read_scene(rod.parents[0] / "rod.toml", set=[
+        "process={}", "workpieces.rod.initial_velocity=[0, 0]", "steps.time='1 ms'", "stop.time='1 ms'",
+        "process.inertia=true"]))
+    assert "kinetic_energy_mJ" in results.history.columns
+    assert np.all(results.history.column("kinetic_energy_mJ") == 0.0), "a body at rest stays at rest"
