@@ -29,7 +29,7 @@ def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False,
 
 def scale(name: str, values: np.ndarray) -> float:
     """What a difference counts against: relative numbers and lengths against one, the rest against their largest."""
-    by_one = name.startswith(("volume_error", "power_imbalance", "heat_imbalance")) or \
+    by_one = name.startswith(("volume_error", "power_imbalance", "heat_imbalance", "energy_imbalance")) or \
         name.endswith(("_x_mm", "_y_mm", "_z_mm", "_r_mm"))
     return 1.0 if by_one else float(np.abs(values).max()) or 1.0
 

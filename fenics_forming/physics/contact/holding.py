@@ -23,7 +23,6 @@ import numpy as np
 
 from .point_law import PointState
 
-
 AT_LIMIT = 1e-8     # of the limit: a point that was left on it holds at first, whatever the rounding
 
 
