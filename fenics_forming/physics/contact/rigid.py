@@ -265,12 +265,13 @@ class RigidContact:
         return False
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                slip0: float | None = None, again: bool = False) -> None:
+                slip0: float | None = None, again: bool = False, held: bool = False) -> None:
         """Contact tractions and tangents for nodal velocities (nodes, dim), written into the facet integrals.
 
         flow_stress : (nodes,) for friction that is limited by it; touching : gap below which every point is closed,
         for the first guess; slip0 : another slip regularisation, for the first guess and for continuation; again : in the
-        same solve, where points that open and close must calm down.
+        same solve, where points that open and close must calm down; held : for the first guess too, what was closed stays
+        closed.
         """
         v = self.facets.trace(velocity)
         slip0 = self.slip0 if slip0 is None else slip0
@@ -283,7 +284,7 @@ class RigidContact:
                 state.tool_velocity = tool.given_velocity + tool.free.velocities()
             closed = None if touching is None else state.gap <= touching
             before = state.active
-            law.normal_pressure(state, v, self.coefficient, self.dt, closed)
+            law.normal_pressure(state, v, self.coefficient, self.dt, before if held else closed)
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)

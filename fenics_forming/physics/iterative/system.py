@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from ..nodes import QUADRATURE_DEGREE
+from ..parallel import highest, total
 from ..workpiece import Workpiece
 from . import kernels
 from .coarse import CoarseSolver
@@ -31,7 +32,7 @@ class IterativeSystem:
     tolerance : of its residual, relative; most : iterations of a solve
     """
 
-    def __init__(self, workpiece: Workpiece, *, tolerance: float = 1e-2, most: int = 100):
+    def __init__(self, workpiece: Workpiece, *, tolerance: float = 5e-3, most: int = 100):
         self._body, self.tolerance, self.most = workpiece, tolerance, most
         self.iterations = 0
         n = self._n = workpiece.nodes
@@ -66,7 +67,7 @@ class IterativeSystem:
             self.block.others, self.coarse.between = (between,), between
         self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
         self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
-        self._split = 3 * nodes.owned
+        self._split, self._scale = 3 * nodes.owned, 1.0
 
     def _reference_cell(self):
         cell = self._n.mesh.basix_cell()
@@ -149,8 +150,9 @@ class IterativeSystem:
 
     def solve_also(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = ALSO) -> None:
         """The same for another right-hand side, with the preconditioner that is set up."""
-        rhs = np.concatenate([(b.array[self._own_velocity] * self.block.free[: self._nodes.owned]).ravel(),
-                              b.array[self._own_pressure] * self.mass.free[: self._vertices.owned]])
+        self._scale = self._usual_stress()
+        rhs = self._owned(b.array[self._own_velocity] * self.block.free[: self._nodes.owned],
+                          b.array[self._own_pressure] * self.mass.free[: self._vertices.owned])
         found = fgmres(self._n.comm, self._times, self._precondition, rhs, tolerance=tolerance, most=self.most)
         self.iterations = found.iterations
         if not found.reduction <= tolerance:
@@ -159,18 +161,28 @@ class IterativeSystem:
         free, owned = self.block.free[: self._nodes.owned] > 0, found.x[: self._split].reshape(-1, 3)
         x.array[self._own_velocity[free]] = owned[free]
         free = self.mass.free[: self._vertices.owned] > 0
-        x.array[self._own_pressure[free]] = found.x[self._split:][free]
+        x.array[self._own_pressure[free]] = self._scale * found.x[self._split:][free]
+
+    def _usual_stress(self) -> float:
+        """Flow stress over speed, MPa s/mm, which pressures and volume rates are measured by: so the residual has one unit,
+        and whether it is small does not depend on those of the scene. Collective."""
+        body = self._body
+        speed = body.contact.speed if body.contact is not None else max(
+            highest(self._n.comm, float(np.abs(a.x.array).max(initial=0.0))) for a in (body._values, body.solution))
+        sums = total(self._n.comm, np.array([body.sigma.sum(), body.sigma.size]))
+        return float(sums[0] / sums[1]) / speed if speed > 0 else 1.0
 
     # ------------------------------------------------------------------ operator and preconditioner
     def _known_to_all(self, owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities (nodes, 3) and pressures (vertices,) with their copies, of the owned unknowns."""
+        """Velocities (nodes, 3) and pressures (vertices,) with their copies, of the owned unknowns, scaled to mm/s."""
         v, p = np.zeros((self._nodes.count, 3)), np.zeros(self._vertices.count)
         v[: self._nodes.owned] = owned[: self._split].reshape(-1, 3)
-        p[: self._vertices.owned] = owned[self._split:]
+        p[: self._vertices.owned] = self._scale * owned[self._split:]
         return self._nodes.hand_on(v), self._vertices.hand_on(p)
 
-    def _owned(self, v: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return np.concatenate([v[: self._nodes.owned].ravel(), p[: self._vertices.owned]])
+    def _owned(self, v: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """The owned part of forces (nodes, 3) and volume rates (vertices,), as one vector in N."""
+        return np.concatenate([v[: self._nodes.owned].ravel(), self._scale * q[: self._vertices.owned]])
 
     def _times(self, z: np.ndarray) -> np.ndarray:
         v, p = self._known_to_all(z)
@@ -182,7 +194,8 @@ class IterativeSystem:
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
         v, p = self._known_to_all(r)
+        p /= self._scale**2
         p = -SCHUR * self.mass.solve(p)
         load = self._nodes.add_for_all(self.divergence.transposed_times(p))
         v -= load * self.block.free
-        return self._owned(self.levels(v), p)
+        return self._owned(self.levels(v), p / self._scale**2)
