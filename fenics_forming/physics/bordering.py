@@ -35,6 +35,7 @@ class Border:
         free[workpiece.fixed_dofs] = 0.0
         self._onto_free = (self.trace @ sp.diags(free)).T.tocsr()
         self._increment = np.zeros(0)
+        self._diagonal: sp.csr_matrix | None = None
 
     # ------------------------------------------------------------------ what the motions contribute
     def blocks(self) -> tuple[list[np.ndarray | sp.csr_matrix], list[np.ndarray]]:
@@ -48,11 +49,15 @@ class Border:
             corners.append(total(comm, corner) + tool.free.resistance)
         return columns, corners
 
-    def _tangent(self, tool: KnownTool) -> sp.bsr_matrix:
+    def _tangent(self, tool: KnownTool) -> sp.csr_matrix:
         """D, block diagonal, (points · dim)²."""
-        blocks = self.contact.weights[:, None, None] * tool.tangent
-        count, dim = blocks.shape[:2]
-        return sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * dim, count * dim)).tocsr()
+        count, dim = self.contact.facets.count, self.contact.facets.dim
+        if self._diagonal is None:
+            columns = np.repeat(np.arange(count * dim).reshape(count, 1, dim), dim, axis=1)
+            starts = np.arange(0, columns.size + 1, dim)
+            self._diagonal = sp.csr_matrix((np.zeros(columns.size), columns.ravel(), starts), shape=(count * dim,) * 2)
+        self._diagonal.data = (self.contact.weights[:, None, None] * tool.tangent).ravel()
+        return self._diagonal
 
     def reactions(self, tool: KnownTool) -> np.ndarray:
         """Forces of the tool on the body along its motions, ∫ Φᵀt, (n,), N. Collective."""
@@ -78,7 +83,7 @@ class Border:
         for column in columns:
             answers.append(x.duplicate())
             system.solve_also(column, answers[-1])
-        schur = sp.block_diag(corners).toarray() if corners else np.zeros((0, 0))
+        schur = _block_diagonal(corners)
         schur -= np.array([[c.dot(z) for z in answers] for c in columns])
         right = np.concatenate(self.residuals()) - np.array([c.dot(x) for c in columns])
         self._increment = _solved(0.5 * (schur + schur.T), right)
@@ -143,7 +148,8 @@ class AppendedBorder(Border):
 
     def solve(self, system, b: PETSc.Vec) -> None:
         local, corners = self.blocks()
-        columns, corner = self._owned(sp.hstack(local, format="csr")), sp.block_diag(corners).toarray()
+        columns = self._owned(local[0] if len(local) == 1 else sp.hstack(local, format="csr"))
+        corner = _block_diagonal(corners)
         bulk, comm = system.matrix.petsc, self.workpiece.nodes.comm
         fits = self._matrix is not None and self._matrix.holds(bulk, columns, len(corner))
         if total(comm, float(not fits)) > 0:
@@ -255,6 +261,15 @@ class AppendedMatrix:
         self._solver.solve(self._right, self._found)
         x.array[:n] = self._found.array_r[:n]
         return total(self._comm, self._found.array_r[n:].copy() if self._is_last else np.zeros(len(right)))
+
+
+def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    """One square matrix with the square blocks on its diagonal."""
+    ends = np.cumsum([0] + [len(block) for block in blocks])
+    whole = np.zeros((ends[-1], ends[-1]))
+    for first, last, block in zip(ends, ends[1:], blocks, strict=False):
+        whole[first:last, first:last] = block
+    return whole
 
 
 def _keys(columns: sp.csr_matrix) -> np.ndarray:

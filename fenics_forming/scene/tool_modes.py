@@ -34,7 +34,7 @@ def tool_mode_problems(scene):
                 yield SceneError("yields, but process.tool_deformation is 'rigid'; leave one of them out",
                                  key=f"tools.{name}.drive.stiffness", got=tool.drive.stiffness)
     for key in ("tool_every", "tool_step"):
-        if scene.steps.says(key) and not scene.yielding_tools:
+        if scene.steps.says(key) and not scene.yielding_tools and given != "rigid":
             yield SceneError("is the step of tools that deform, and no tool does", key=f"steps.{key}",
                              got=getattr(scene.steps, key), allowed="a tool that deforms")
     if scene.process.says("tool_guard") and given != "coupled":
@@ -66,7 +66,7 @@ def tool_mode_warnings(scene):
     names = scene.yielding_tools
     mode, found = scene.process.tool_deformation, []
     if not names:
-        return found
+        return [f"steps.{key}: has no effect, no tool deforms" for key in ("tool_every", "tool_step") if scene.steps.says(key)]
     if mode in ("iterated", "stress_only"):
         found += [f"steps.{key}: has no effect in the mode '{mode}', in which the tools are solved with every step"
                   for key in ("tool_every", "tool_step") if scene.steps.says(key)]

@@ -12,6 +12,7 @@ from .bvh import build, nearest_triangles
 
 PIECES = 4          # flat pieces along the edge of a facet, for the search
 STEPS = 12          # of Gauss-Newton for the foot of the perpendicular; the distance is small against the curvature
+SETTLED = 1e-13     # of a barycentric coordinate: where no foot moves any more, no step is needed
 OVERHANG = 1e-6     # of the size of a facet: a point that reaches farther over the rim of the surface is not over it
 
 
@@ -64,8 +65,10 @@ class CapturingSurface:
             metric += 1e-14 * np.trace(metric, axis1=1, axis2=2)[:, None, None] * np.eye(self.dim - 1)
             step = np.linalg.solve(metric, np.einsum("kti,ki->kt", tangents, points - foot)[..., None])[..., 0]
             free = np.concatenate([inner[:, :1] - step.sum(axis=1, keepdims=True), inner[:, 1:] + step], axis=1)
-            inner = np.clip(free, 0.0, None)
+            before, inner = inner, np.clip(free, 0.0, None)
             inner /= inner.sum(axis=1, keepdims=True)
+            if np.abs(inner - before).max(initial=0.0) < SETTLED:
+                break
         foot, tangents = self._at(inner, p)
         normal = tangents[:, 0, ::-1] * [1.0, -1.0] if self.dim == 2 else np.cross(tangents[:, 0], tangents[:, 1])
         normal /= np.linalg.norm(normal, axis=1)[:, None]

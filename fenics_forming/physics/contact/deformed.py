@@ -22,13 +22,13 @@ class DeformedSurface:
 
     Attributes
     ----------
-    u : (n, dim) mm, in the frame of the tool · v : (n, dim) mm/s that are given, None where they are none or unknown
+    u : (n, dim) mm, in the frame of the tool
     """
 
     def __init__(self, surface: ToolSurface):
         self.surface = surface
         self.u = np.zeros((surface.count, surface.dim))
-        self.v: np.ndarray | None = None
+        self._last: tuple | None = None         # points of the last search, and their feet
 
     def gap(self, undeformed, motion, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed gap (k,) and normal (k, dim) out of the tool at points in space.
@@ -36,13 +36,14 @@ class DeformedSurface:
         undeformed : surface of the tool as it was described (``surfaces``)
         """
         y, surface = motion.to_tool(points), self.surface
-        if not self.u.any():
-            gap, normal = undeformed.closest(y)
-            return gap, motion.turn(normal)
         gap, normal = undeformed.closest(y)
+        self._last = None
+        if not self.u.any():
+            return gap, motion.turn(normal)
         first = surface.displaced(*surface.feet(y - gap[:, None] * normal)[:2], self.u)
         gap, normal = undeformed.closest(y - first)
         side, shapes, _ = surface.feet(y - first - gap[:, None] * normal)
+        self._last = points, side, shapes
         gap -= np.einsum("ki,ki->k", surface.displaced(side, shapes, self.u) - first, normal)
         return gap, motion.turn(surface.turned(normal, side, shapes, self.u))
 
@@ -50,17 +51,14 @@ class DeformedSurface:
                       here: np.ndarray) -> sp.csr_matrix:
         """Displacements of the nodes, node by node, in the frame of the tool → those of the surface in space opposite to
         points with these gaps and normals, (k · dim, n · dim); no rows where not ``here`` (k,)."""
-        dim = self.surface.dim
-        y = motion.to_tool(points - gap[:, None] * normal)
-        side, shapes, _ = self.surface.feet(y)
-        if self.u.any():
-            side, shapes, _ = self.surface.feet(y - self.surface.displaced(side, shapes, self.u))
-        blocks = sp.kron(self.surface.interpolation(side, shapes, here), np.eye(dim), format="csr")
+        if self._last is not None and self._last[0] is points:
+            _, side, shapes = self._last
+        else:
+            y = motion.to_tool(points - gap[:, None] * normal)
+            side, shapes, _ = self.surface.feet(y)
+            if self.u.any():
+                side, shapes, _ = self.surface.feet(y - self.surface.displaced(side, shapes, self.u))
+        blocks = self.surface.interpolation(side, shapes, here)
         if motion.centre is None or motion.angle == 0.0:
             return blocks
         return sp.kron(sp.identity(len(points)), motion.rotation(), format="csr") @ blocks
-
-    def velocity_at(self, motion, points, gap, normal) -> np.ndarray:
-        """Given velocity of the deformation opposite to points, (k, dim), mm/s."""
-        every = np.ones(len(points), bool)
-        return (self.interpolation(motion, points, gap, normal, every) @ self.v.ravel()).reshape(points.shape)

@@ -238,10 +238,7 @@ class RigidContact:
         self.weights = self.facets.weights()
         for tool in self.tools:
             tool.state.gap, tool.state.normal = tool.gap(self.points)
-            given, deformed = tool.motion.velocity_at(self.points), tool.deformed
-            if deformed is not None and deformed.v is not None:
-                given = given + deformed.velocity_at(tool.motion, self.points, tool.state.gap, tool.state.normal)
-            tool.state.tool_velocity = tool.given_velocity = given
+            tool.state.tool_velocity = tool.given_velocity = tool.motion.velocity_at(self.points)
             if tool.free is not None:
                 tool.free.search(self.points, tool.motion, tool.state.gap, tool.state.normal)
                 tool.free.prepare(dt)

@@ -75,10 +75,13 @@ class ToolSurface:
         return found.facet, found.shapes, found.over
 
     def interpolation(self, side: np.ndarray, shapes: np.ndarray, here: np.ndarray) -> sp.csr_matrix:
-        """Nodal values of the surface → values at points on the sides, (k, n); no row where not ``here``."""
-        values, columns = shapes[here], self.sides[side[here]]
-        starts = np.append(0, np.cumsum(here * shapes.shape[1]))
-        return sp.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(side), self.count))
+        """Vectors at the nodes, node by node → those at points on the sides, (k · dim, n · dim); no rows where not
+        ``here``."""
+        dim, width = self.dim, shapes.shape[1]
+        values = np.repeat(shapes[here], dim, axis=0)
+        columns = (self.sides[side[here]] * dim)[:, None, :] + np.arange(dim)[:, None]
+        starts = np.append(0, np.cumsum(np.repeat(here, dim) * width))
+        return sp.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(side) * dim, self.count * dim))
 
     def displaced(self, side: np.ndarray, shapes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Values (k, dim) of the nodal field ``u`` (n, dim) at points of the sides."""
