@@ -141,6 +141,7 @@ class Deformation:
             return True
         motions = self.motions
         reaction = body.contact.along_motions(self.known, motions)
+        reaction = motions.at_end(reaction)
         found = self._solve_tool(reaction)
         reached = motions.displacement + motions.horizon * motions.rate
         miss = np.abs(found.ravel()[motions.unknown] - reached).max()

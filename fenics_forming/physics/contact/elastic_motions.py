@@ -8,6 +8,9 @@ The displacements :math:`u` of these nodes in the frame that moves with the tool
 with the compliance S of ``tool_body.compliance``, one dense symmetric block that never changes while the tool stays elastic
 (:math:`u^*=f^*=0`).  Of a tool that yields or has parts it is the tangent at the forces f* under which it was last solved.
 All other nodes are free of traction; the field inside follows from one back-substitution where somebody asks.
+
+The force at the end of a step, which a solve in its middle does not know, is extrapolated as a whole, by the growth of its
+size from the last step to this one: what single points do from one solve to the next would be carried into the next one.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import scipy.sparse as sp
 
 from ..parallel import highest
 from .deformed import DeformedSurface
-from .free_motions import FreeMotions
+from .free_motions import SMOOTH, FreeMotions
 from .tool_surface import ToolSurface
 
 ALL = 700       # displacements up to which all that contact could ever reach are unknown from the first touch on
@@ -49,6 +52,7 @@ class ElasticMotions(FreeMotions):
         self.solved_at = np.zeros((2, surface.count * surface.dim))      # u* and f*
         if at_rest is not None:
             self.solved_at[0] = at_rest.ravel()
+        self._before = 0.0, 0.0         # time and size of the reaction of the step before
         super().__init__(0)
 
     deforms = True
@@ -124,11 +128,29 @@ class ElasticMotions(FreeMotions):
 
     def prepare(self, horizon: float) -> None:
         """See `FreeMotions.prepare`, with the forces under which the tool was last solved."""
-        given = self.force
+        self.horizon = horizon
         at, force = self.solved_at[:, self.unknown]
-        self.force = given + self.stiffness @ at - force
-        super().prepare(horizon)
-        self.force = given
+        self.resistance = horizon * self.stiffness
+        self.load = self.force - force - self.stiffness @ (self.displacement - at) - self._to_come()
+
+    def _to_come(self) -> np.ndarray | float:
+        """What the reaction will have grown by at the end of the step, (n,) N; ``reaction`` is its rate here."""
+        inside = 1e-9 * self.horizon < self.now - self.since < self.horizon
+        return self.reaction * (self.since + self.horizon - self.now) if inside and self.reaction is not None else 0.0
+
+    def at_end(self, reaction: np.ndarray) -> np.ndarray:
+        """The reaction (n,) of a solve as it will be at the end of its step, (n,) N."""
+        return reaction + self._to_come()
+
+    def found(self, reaction: np.ndarray) -> bool:
+        """See `FreeMotions.found`."""
+        if self.now > self.since:
+            return False
+        size, (time, before) = float(np.linalg.norm(reaction)), self._before
+        self._before, self.reaction = (self.now, size), None
+        if before > 0 and self.now > time and abs(size - before) <= SMOOTH * size:
+            self.reaction = (1.0 - before / size) / (self.now - time) * reaction
+        return False
 
     def unopposed(self) -> np.ndarray:
         """Rates that take the tool to its state without traction over the prepared horizon, (n,)."""
@@ -143,7 +165,8 @@ class ElasticMotions(FreeMotions):
 
     def memory(self) -> dict[str, np.ndarray | float]:
         """See `FreeMotions.memory`."""
-        return super().memory() | {"unknown": self.unknown.copy(), "solved_at": self.solved_at.copy()}
+        return super().memory() | {"unknown": self.unknown.copy(), "solved_at": self.solved_at.copy(),
+                                   "before": list(self._before)}
 
     def remember(self, memory) -> None:
         """See `FreeMotions.remember`; nodes that are unknown by now stay so."""
@@ -154,6 +177,7 @@ class ElasticMotions(FreeMotions):
             self.solved_at = solved_at
             self._start_with(unknown)
         super().remember(memory)
+        self._before = tuple(memory["before"])
         if len(later) > len(unknown):
             self._take(later)
 
