@@ -88,7 +88,7 @@ class Deformation:
         self.reaction = contact.along_motions(self.known, motions)
         before, self._force = self._force, float(np.linalg.norm(contact.force(self.known)))
         if self.mode == "iterated":
-            self.deflection = self._along_force(motions.displacement)
+            self.deflection = self._along_force(motions.displacement - self._at_rest())
             return False
         if self.mode == "coupled" and self._force > 0:
             self._sensitivity = rate_sensitivity(body.workpiece)
@@ -98,7 +98,7 @@ class Deformation:
         solved = self._solved()
         elapsed, change = time - self.solved_at, solved - motions.earlier
         motions.earlier, self.solved_at, self._steps = solved, time, 0
-        self.deflection = self._along_force(solved)
+        self.deflection = self._along_force(solved - self._at_rest())
         if self.fallen_back or elapsed <= 0:
             motions.rate = motions.rate if elapsed <= 0 else change / elapsed
             return False
@@ -129,6 +129,10 @@ class Deformation:
         """Displacements (n, dim) of the surface of a tool that yields, the press frame included. Collective."""
         forces = -self.motions.on_surface(reaction)
         return self.tool.solve(forces) + self.motions.frame_yields(forces)
+
+    def _at_rest(self) -> np.ndarray | float:
+        """Displacements of the motions without contact, by what else loads the tool, (n,), mm."""
+        return 0.0 if self.tool is None else self.tool.at_rest.ravel()[self.motions.unknown]
 
     def _along_force(self, displacement: np.ndarray) -> float:
         """Mean of a displacement of the motions against the forces of contact, mm."""

@@ -66,7 +66,8 @@ def tool_mode_warnings(scene):
     names = scene.yielding_tools
     mode, found = scene.process.tool_deformation, []
     if not names:
-        return [f"steps.{key}: has no effect, no tool deforms" for key in ("tool_every", "tool_step") if scene.steps.says(key)]
+        given = (key for key in ("tool_every", "tool_step") if scene.steps.says(key))
+        return [f"steps.{key}: has no effect, no tool deforms" for key in given]
     if mode in ("iterated", "stress_only"):
         found += [f"steps.{key}: has no effect in the mode '{mode}', in which the tools are solved with every step"
                   for key in ("tool_every", "tool_step") if scene.steps.says(key)]
