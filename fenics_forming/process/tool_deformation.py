@@ -30,7 +30,7 @@ class Deformation:
     Attributes
     ----------
     mode : the one of the scene · fallen_back : whether the guard has put "iterated" in its place for now
-    solved_at : s, time of the last tool step · reaction : (n,) N, forces on the body along the motions then
+    solved_at : s, time of the last tool step · reaction : (n,) N, forces on the body along all that can move then
     deflection : mm, mean yield against the forces of contact, weighted with them
     stability : `Stability`, None before it counts
     """
@@ -85,7 +85,7 @@ class Deformation:
         contact, motions = body.contact, self.motions
         if self.known.free is None:
             motions.search(contact.points, self.known.motion, self.known.state.gap, self.known.state.normal)
-        self.reaction = contact.along_motions(self.known, motions)
+        self.reaction = motions.spread(contact.along_motions(self.known, motions))
         before, self._force = self._force, float(np.linalg.norm(contact.force(self.known)))
         if self.mode == "iterated":
             self.deflection = self._along_force(motions.displacement - self._at_rest())
@@ -120,8 +120,8 @@ class Deformation:
     def _solved(self) -> np.ndarray:
         """Displacements of the motions under the present forces, (n,), mm. Collective."""
         if self.tool is None or not self.tool.follows_a_tangent:
-            return self.motions.under(self.reaction)
-        found = self._solve_tool(self.reaction)
+            return self.motions.under(self.motions.gathered(self.reaction))
+        found = self._solve_tool(self.motions.gathered(self.reaction))
         self.tool.accept()
         return found.ravel()[self.motions.unknown]
 
@@ -136,7 +136,9 @@ class Deformation:
 
     def _along_force(self, displacement: np.ndarray) -> float:
         """Mean of a displacement of the motions against the forces of contact, mm."""
-        return -float(self.reaction @ displacement) / self._force if self._force > 0 and len(displacement) else 0.0
+        if self._force == 0 or not len(displacement):
+            return 0.0
+        return -float(self.motions.gathered(self.reaction) @ displacement) / self._force
 
     # ------------------------------------------------------------------ tools whose stiffness changes
     def agrees(self, body) -> bool:
@@ -177,9 +179,14 @@ class Deformation:
         """Stresses and displacements of the tool under the forces of the last step (`ToolField`); before the first one
         there are none. Collective."""
         if not self.tool.follows_a_tangent:
-            reaction = self.reaction if len(self.reaction) else np.zeros(self.motions.count)
-            self.tool.solve(-self.motions.on_surface(reaction))
+            reaction = self.reaction if len(self.reaction) else np.zeros(self.tool.surface.x.size)
+            self.tool.solve(-reaction.reshape(self.tool.surface.x.shape))
         return self.tool.field()
+
+    def summary(self) -> dict:
+        """For the summary of the run: the mode, and what it has taken."""
+        found = {"mode": self.mode, "deflection_mm": self.deflection, "unknowns": self.motions.count}
+        return found | ({} if self.tool is None else {"factorisations": self.tool.solver.factor.factorisations})
 
     # ------------------------------------------------------------------ going back
     def snapshot(self) -> tuple:

@@ -255,6 +255,7 @@ class Recorder:
             ({"energy_mJ": body.rams.ledger()} if body.rams.by_tool else {}) |
             ({"heat": self.heat.summary()} if self.heat is not None else {}),
             **({"tools": self.tools.summary()} if self.tools is not None else {}),
+            **({"deformation": {d.name: d.summary() for d in run.deforming}} if run.deforming else {}),
             "folds": run.folds.folds,
             "steps": int(self.row.get("step", 0)), "solves": solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(solves, 1),
@@ -271,6 +272,7 @@ class Recorder:
         friction = [f"friction {t.name}: {t.friction.law}" for t in self.run.body.tools if t.has_friction]
         terms = [f"term {name}" for name in w.terms]
         heat = [] if self.run.body.heat is None else self.run.body.heat.parts_built()
+        heat += [f"tool deformation {d.name}: {d.mode}" for d in self.run.deforming]
         return terms + friction + heat + self.bodies.parts_built() + [f"scheme {self.run.scheme.name}"]
 
     def _cells(self) -> int:

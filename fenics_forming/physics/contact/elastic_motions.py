@@ -188,6 +188,14 @@ class ElasticMotions(FreeMotions):
         direction, stiffness = self._frame
         return np.asarray(direction) * float(forces.sum(axis=0) @ direction) / stiffness
 
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """See `FreeMotions.spread`: zero at what is not unknown."""
+        return self.on_surface(values).ravel()
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        """See `FreeMotions.gathered`."""
+        return values[self.unknown] if len(values) else np.zeros(self.count)
+
     def on_surface(self, on_unknowns: np.ndarray) -> np.ndarray:
         """Values (count,) of the unknowns, zero elsewhere, (n, dim)."""
         out = np.zeros(self.surface.count * self._dim)

@@ -94,6 +94,14 @@ class FreeMotions:
         """Displacements under a lasting reaction of the body, Q (n,) N, with the present stiffness: (n,)."""
         return np.linalg.solve(self.stiffness, self.force - reaction)
 
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """Values (n,) of the motions in an order that stays when others become unknown."""
+        return values
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        """The values (n,) of the motions of what :meth:`spread` gave."""
+        return values
+
     def velocities(self, rate: np.ndarray | None = None) -> np.ndarray:
         """Of the tool's surface by these motions at the contact points, (points, dim), mm/s."""
         dim = self._dim
