@@ -163,8 +163,9 @@ def test_a_press_frame_in_series_adds_its_own_yield(tmp_path):
 
 
 def test_a_die_that_yields_is_where_its_own_solver_has_it_under_the_same_forces(tmp_path):
-    """Displacements in the velocity solve against a second tool that goes straight to the forces found at the end: within the
-    growth of these in half a step of twelve, where the die hardens little, and the effect of the way. The crown is that of an elastic die and more."""
+    """Displacements in the velocity solve against a second tool that goes straight to the forces found at the end: within
+    the growth of these in half a step of twelve, where the die hardens little, and the effect of the way. The crown is
+    that of an elastic die and more."""
     changes = ("materials.die_steel.yield_stress=250", "materials.die_steel.hardening=2000",
                "workpieces.strip.mesh_size='0.55 mm'", "steps.stroke=0.02")
     run, heard = forming(tmp_path, *changes)
@@ -276,7 +277,7 @@ def test_a_run_with_an_elastic_die_goes_on_as_if_it_had_not_been_interrupted(tmp
 
 @pytest.mark.mpi
 def test_two_ranks_find_the_same_deflection(tmp_path):
-    """The condensed block is on all ranks, its unknowns on the last one; to rounding, over steps in which the die takes all
+    """The condensed block is on all ranks, its unknowns on the last; to rounding, over steps in which the die takes all
     of the travel."""
     changes = ("workpieces.strip.mesh_size='0.55 mm'", "stop.stroke=0.03", "output.fields_every=0")
     one, _ = forming(tmp_path, *changes)
