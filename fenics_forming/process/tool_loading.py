@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..physics.tool_body import ToolField, ToolSettings, fields
+from ..physics.tool_body.memory import ToolMemory, memory_of, remember
 from .tool_bodies import MeshedTool
 
 
@@ -85,6 +86,22 @@ class LoadedTool:
         self.tool = replace(self.tool, loads=tuple(loads))
         self.level = 1.0
         self.iterations = self.solver.solve(self._loads(1.0), steps=1)
+
+    def memory(self) -> ToolMemory:
+        """What a resumed run goes on from. Collective."""
+        memory = memory_of(self.solver)
+        memory.numbers |= {"level": self.level, "assembled": self._assembled}
+        return memory
+
+    def remember(self, memory: ToolMemory, loads=None) -> None:
+        """Take over what :meth:`memory` gave, with the loads of then where they have changed. Collective."""
+        self.level, self._assembled = memory.numbers["level"], memory.numbers["assembled"]
+        if loads is not None:
+            self.tool = replace(self.tool, loads=tuple(loads))
+        remember(self.solver, memory)
+        if self.tool.contacts:
+            self.solver.set_interference(self._assembled)
+            self.solver.go_back(self.solver.state())
 
     def field(self) -> ToolField:
         """Stresses and displacements of now. Collective."""

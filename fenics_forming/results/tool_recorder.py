@@ -25,9 +25,10 @@ class ToolRecorder:
     ----------
     run : `simulation.tools_alone.ToolSimulation`
     out : folder, or None: rows are kept in memory only
+    resume_after : step after which a resumed run goes on
     """
 
-    def __init__(self, run, out: Path | str | None):
+    def __init__(self, run, out: Path | str | None, *, resume_after: int | None = None):
         self.run, self.scene, self.comm = run, run.scene, run.comm
         self.out = None if out is None else Path(out)
         self.row: dict[str, float] = {}
@@ -36,16 +37,21 @@ class ToolRecorder:
         self.unit = "N_per_mm" if self.scene.geometry == "plane_strain" else "N"
         self.fields = None
         if self.out is not None:
-            on_rank_zero(self.comm, self._clear)
-            self.fields = FieldWriter(self.out, self.comm)
-        self.history = History(None if self.out is None else self.out / "history.csv", self.comm)
+            on_rank_zero(self.comm, self._clear if resume_after is None else lambda: None)
+            self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
+        history = None if self.out is None else self.out / "history.csv"
+        if history is not None and resume_after is not None:
+            self.history = History.read(history, self.comm)
+            self.history.truncate_after(resume_after)
+        else:
+            self.history = History(history, self.comm)
         self.summary: dict = {}
         self._began, self._cpu = perf_counter(), process_time()
 
     def _clear(self) -> None:
         self.out.mkdir(parents=True, exist_ok=True)
-        for name in ("history.csv", "summary.json", "checkpoint.npz"):
-            (self.out / name).unlink(missing_ok=True)
+        for old in (self.out / "history.csv", self.out / "summary.json", *self.out.glob("checkpoint*.npz")):
+            old.unlink(missing_ok=True)
         (self.out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
 
     def introduction(self) -> str:

@@ -51,6 +51,8 @@ class Simulation:
         start = perf_counter()
         self.scene, self.comm = scene, comm
         self.warnings = check(scene)
+        if scene.is_tools_alone:
+            raise SceneError("there are none, nothing is formed; such a scene is run by simulate(scene)", key="workpieces")
         tools, self.drives = known_tools(scene), drives_of(scene)
         equip(scene, tools, self.drives)
         self.deforming = self._deforming(tools)
@@ -253,7 +255,5 @@ def simulation_of(scene: Scene, *, comm=MPI.COMM_WORLD, resume: Path | str | Non
         return HeatSimulation(scene, comm=comm, resume=resume)
     if not scene.is_tools_alone:
         return Simulation(scene, comm=comm, resume=resume)
-    if resume is not None:
-        raise SceneError("--resume: tools alone leave no checkpoint; run without it")
     from .tools_alone import ToolSimulation
-    return ToolSimulation(scene, comm=comm)
+    return ToolSimulation(scene, comm=comm, resume=resume)

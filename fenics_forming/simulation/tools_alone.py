@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -16,6 +18,20 @@ from ..results.progress import Silent
 from ..results.results import Results
 from ..results.tool_recorder import ToolRecorder
 from ..scene import Scene, check
+from .tool_checkpoints import resumed, save, saved_step
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of a run of tools alone: what each `LoadedTool` does, with what (of each by name, or of all), the load factor
+    that is then reached, a word for the table, and the time, s, of the state whose loads are meant."""
+
+    action: Callable
+    wanted: float | dict
+    level: float
+    word: str
+    time: float = 0.0
+
 
 STEPS = 10       # to the full loads, where the way there matters and the scene does not say how many
 
@@ -28,6 +44,7 @@ class ToolSimulation:
     scene : the description, without workpieces
     comm : MPI communicator
     tools : name → `MeshedTool`, of tools that are meshed and loaded already
+    resume : a checkpoint file to go on from
     path : (time in s, name → loads) of states that the tools go through one after the other instead of load factors
 
     Raises
@@ -36,9 +53,10 @@ class ToolSimulation:
         before anything is solved.
     """
 
-    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, tools: dict[str, MeshedTool] | None = None, path=()):
+    def __init__(self, scene: Scene, *, comm=MPI.COMM_WORLD, tools: dict[str, MeshedTool] | None = None, path=(),
+                 resume: Path | str | None = None):
         start = perf_counter()
-        self._path = list(path)
+        self._path, self._saved = list(path), None if resume is None else Path(resume)
         self.scene, self.comm, self.warnings = scene, comm, check(scene)
         meshed = {name: tool_body(scene, name, comm) for name in scene.tools} if tools is None else tools
         self.tools = {name: self._loaded(tool, scene.solver) for name, tool in meshed.items()}
@@ -112,23 +130,22 @@ class ToolSimulation:
             when a tool cannot carry its loads; everything up to there is in ``out`` by then.
         """
         observer = observer or Silent()
-        self._recorder = recorder = ToolRecorder(self, out)
+        after = None if self._saved is None else saved_step(self._saved)
+        self._recorder = recorder = ToolRecorder(self, out, resume_after=after)
         observer.started(recorder.introduction())
         for warning in self.warnings:
             observer.note(warning)
         why, self._step, self._time = None, 0, 0.0
         try:
-            self._record(0.0, "start", perf_counter(), observer)
-            loaded = any(tool.tool.loads for tool in self.tools.values())
-            if loaded and any(tool.is_prestressed for tool in self.tools.values()):
-                self._stage(LoadedTool.assemble, 1.0, 0.0, "assembled", observer)
-            stage = LoadedTool.load if loaded else LoadedTool.assemble
-            for level in self.levels() if not self._path else ():
-                self._stage(stage, level, level, "load" if loaded else "assembly", observer)
-            for time, loads in self._path:
-                self._time = time
-                self._stage(LoadedTool.change_loads, loads, 1.0, "load", observer)
-            why = "full loads reached" if loaded else "assembled"
+            stages = self._stages()
+            if self._saved is None:
+                self._record(0.0, "start", perf_counter(), observer)
+            else:
+                self._step = resumed(self, self._saved, stages)
+            for stage in stages[self._step:]:
+                self._go(stage, observer)
+                self._save_where_due(out, last=self._step == len(stages))
+            why = "full loads reached" if self._is_loaded else "assembled"
         except ConvergenceError as failure:
             why = f"failed: {failure}"
             raise
@@ -148,23 +165,42 @@ class ToolSimulation:
         observer.finished(results)
         return results
 
-    def _stage(self, stage, wanted, level: float, word: str, observer) -> None:
-        """One step of all tools to what is wanted, of each by name or of all; where one fails, what it still carries is
-        recorded before the news goes on."""
-        begun, cuts = perf_counter(), self._cuts()
+    @property
+    def _is_loaded(self) -> bool:
+        return bool(self._path) or any(tool.tool.loads for tool in self.tools.values())
+
+    def _stages(self) -> list[Stage]:
+        """The steps of the run: put together, where that stresses anything, then load by load."""
+        if not self._is_loaded:
+            return [Stage(LoadedTool.assemble, level, level, "assembly") for level in self.levels()]
+        first = [Stage(LoadedTool.assemble, 1.0, 0.0, "assembled")] if any(
+            tool.is_prestressed for tool in self.tools.values()) else []
+        if self._path:
+            return first + [Stage(LoadedTool.change_loads, loads, 1.0, "load", time) for time, loads in self._path]
+        return first + [Stage(LoadedTool.load, level, level, "load") for level in self.levels()]
+
+    def _go(self, stage: Stage, observer) -> None:
+        """One step of all tools; where one fails, what it still carries is recorded before the news goes on."""
+        begun, cuts, level = perf_counter(), self._cuts(), stage.level
         self._step += 1
+        self._time = stage.time
         failure = None
         for name, tool in self.tools.items():
             try:
-                stage(tool, wanted[name] if isinstance(wanted, dict) else wanted)
+                stage.action(tool, stage.wanted[name] if isinstance(stage.wanted, dict) else stage.wanted)
             except ConvergenceError as error:
                 failure = failure or error
-                level = tool.level if stage is LoadedTool.load else level
+                level = tool.level if stage.action is LoadedTool.load else level
         if self._cuts() > cuts:
             observer.note(f"step {self._step}: cut back {self._cuts() - cuts} times")
-        self._record(level, word if failure is None else "failure", begun, observer)
+        self._record(level, stage.word if failure is None else "failure", begun, observer)
         if failure is not None:
             raise failure
+
+    def _save_where_due(self, out, *, last: bool) -> None:
+        every = self.scene.output.checkpoint_every
+        if out is not None and every and (last or self._step % every == 0):
+            save(self, Path(out), self._step)
 
     def _cuts(self) -> int:
         return sum(tool.solver.cuts for tool in self.tools.values())

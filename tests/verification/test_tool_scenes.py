@@ -188,3 +188,32 @@ def test_tool_that_nothing_holds_is_news_and_not_a_crash(tmp_path):
     with pytest.raises(ConvergenceError, match="free to move"):
         run("axisymmetric", loose, out=tmp_path)
     assert "free to move" in json.loads((tmp_path / "summary.json").read_text())["stopped"]
+
+
+def test_resumed_run_of_tools_is_the_uninterrupted_one(tmp_path):
+    """A shrink fit with friction whose rings yield, and a second tool, on, off and on again: 1e-10 of every number."""
+    tools = rings(held={}, loads={"r_low": {"pressure": 200}})
+    for part in tools["die"]["parts"].values():
+        part["held"] = {"z_low": "z"}
+    tools["other"] = cylinder(20, 40, 150, 5, ends=("z_low",))["cylinder"]
+    fit = FIT | {"interference": 0.06, "friction": {"law": "coulomb", "coefficient": 0.1}}
+
+    def scene(loads):
+        steel = STEEL | {"yield_stress": 200, "hardening": 2000}
+        return Scene.read({"geometry": "axisymmetric", "materials": {"steel": steel}, "tools": tools,
+                           "points": BORE, "contacts": [fit], "steps": {"loads": loads}})
+
+    whole = ff.simulate(scene([0.3, 0.6, 1.0, 0.5, 1.0]), tmp_path / "whole")
+    ff.simulate(scene([0.3, 0.6]), tmp_path / "parts")
+    ff.write_scene(scene([0.3, 0.6, 1.0, 0.5, 1.0]), tmp_path / "scene.toml")
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "parts"), "--resume", "--quiet"]
+    assert cli.main(words) == 0
+    resumed = ff.Results.read(tmp_path / "parts")
+    assert resumed.history.columns == whole.history.columns and len(resumed.history) == 7
+    assert whole.history.rows[-1]["max_effective_strain_die"] > 1e-4
+    for name in set(whole.history.columns) - {"wall_s"}:
+        expected = whole.history.column(name)
+        slack = 1e-10 * max(1.0, np.abs(expected).max())
+        assert resumed.history.column(name) == pytest.approx(expected, rel=1e-10, abs=slack)
+    works = [run.summary["ledger"]["energy"]["die"]["friction_work_mJ"] for run in (whole, resumed)]
+    assert works[1] == pytest.approx(works[0], rel=1e-9) and works[0] > 0
