@@ -105,6 +105,6 @@ def test_balls_press_over_the_circle_of_hertz():
     contact, body = solver.contacts[0], solver.body
     assert half_width(contact, distance, 16 / (3 * np.pi)) == pytest.approx(0.319125, rel=0.03)
     assert peak(contact, distance, 0.319125) == pytest.approx(4688.34, rel=0.03)
-    assert abs(contact.force()[2]) == pytest.approx(force / 4, rel=1e-8)
+    assert abs(contact.force()[2]) == pytest.approx(force / 4, rel=1e-4)     # its rim is one of parabolas
     at_middle = np.isclose(body.nodes.x[:, 2], radius) & (np.hypot(*body.nodes.x[:, :2].T) < 1.0)
     assert -body.nodal()[at_middle, 2].mean() == pytest.approx(0.020369, rel=0.03)
