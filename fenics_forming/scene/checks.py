@@ -135,6 +135,10 @@ def _law_problems(scene):
 
 
 def _step_problems(scene):
+    if scene.steps.loads is not None:
+        yield SceneError("belongs to a scene of tools alone; expected 'stroke' or 'time' as the size of a step",
+                         key="steps.loads", got=scene.steps.loads, allowed="stroke or time")
+        return
     if not scene.driven_tools and moves_by_itself(scene):
         yield from undriven_problems(scene)
         return

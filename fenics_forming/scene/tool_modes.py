@@ -14,7 +14,7 @@ def tool_mode_problems(scene):
             sentence = "is missing; the tool deforms, since its material has elastic constants, and nothing holds it; " \
                        "name the faces where its drive takes hold, or say process.tool_deformation = 'rigid'"
             yield SceneError(sentence, key=f"tools.{name}.held", allowed="a table such as { z_high = 'z' }")
-        yield from _mirror_problems(scene, name)
+        yield from mirror_problems(scene, name)
     if deforming and scene.solver.linear == "iterative":
         yield SceneError("does not know of tools that deform; expected 'direct' or 'auto'", key="solver.linear",
                          got="iterative", allowed="direct, auto")
@@ -42,7 +42,7 @@ def tool_mode_problems(scene):
                          allowed="process.tool_deformation = 'coupled'")
 
 
-def _mirror_problems(scene, name):
+def mirror_problems(scene, name):
     """A body is cut by its mirror planes; a tool that stands across or on one of them must be cut there too."""
     tool = scene.tools[name]
     shapes = [solid.shape for where, _, _, solid in solids_of(scene) if where == name]

@@ -13,9 +13,20 @@ def tools_alone_problems(scene):
         if tool.drive is not None:
             yield SceneError("moves the tool, and nothing is formed; expected no drive; 'held' displaces a face",
                              key=f"tools.{name}.drive", got=tool.drive, allowed="nothing")
+        if tool.heat_exchange.kind != "none":
+            yield SceneError("is with a workpiece, and there is none; leave it out", key=f"tools.{name}.heat_exchange",
+                             got=tool.heat_exchange, allowed="nothing")
     if scene.stop is not None:
         yield SceneError("belongs to a scene in which something is formed; tools alone end with their full loads",
                          key="stop", got=scene.stop, allowed="nothing")
+    for key in sorted(scene.process.model_fields_set):
+        yield SceneError("belongs to a scene in which something is formed; leave it out", key=f"process.{key}",
+                         got=getattr(scene.process, key), allowed="nothing")
+    for key in sorted(scene.steps.model_fields_set - {"loads"}) if scene.steps is not None else ():
+        yield SceneError("belongs to a scene in which something is formed; the steps of tools alone are 'loads', a number "
+                         "or a list of load factors", key=f"steps.{key}", got=getattr(scene.steps, key), allowed="loads")
+    if scene.output.strokes:
+        yield SceneError("belong to a tool that moves; leave them out", key="output.strokes", got=scene.output.strokes)
     if scene.flow_lines:
         yield SceneError("follow material that flows; there is no workpiece", key="flow_lines", allowed="nothing")
     yield from deforming_problems(scene, [name for name, tool in scene.tools.items() if tool.has_body])

@@ -14,6 +14,7 @@ from ..process.tool_bodies import MeshedTool, tool_body
 from ..results.contact_forces import kept_frames, read_contact_forces
 from ..results.results import Results
 from ..scene import Scene, check
+from ..scene.tool_modes import mirror_problems
 from .tools_alone import ToolSimulation
 
 
@@ -44,6 +45,8 @@ def tool_stresses(results: Results | Path | str, tool: str, *, frame: int = -1, 
     results = results if isinstance(results, Results) else Results.read(results)
     scene = scene or results.scene
     alone = alone_with(scene, tool)
+    if problems := [*mirror_problems(scene, tool)]:
+        raise SceneError.joined(problems)
     check(alone)
     meshed = tool_body(scene, tool, comm)
     frames = [frame] if not path else range(len(kept_frames(results.folder))) if frame == -1 else range(frame + 1)
@@ -75,6 +78,7 @@ def alone_with(scene: Scene, tool: str) -> Scene:
     named = type(scene.tools)
     materials = {solid.material for solid in bodies.values()}
     return scene.model_copy(update={
+        "process": type(scene.process)(), "output": scene.output.model_copy(update={"strokes": ()}),
         "materials": named({name: m for name, m in scene.materials.items() if name in materials}),
         "workpieces": named(), "flow_lines": named(), "steps": None, "stop": None,
         "tools": named({tool: _resting(description)}),

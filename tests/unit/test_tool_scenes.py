@@ -65,6 +65,13 @@ REFUSED = [
     (two_rings(material="steel"), "tools.die.material", "belongs to the parts"),
     (ring() | {"points": {"p": {"body": "ring", "at": [50, 5]}}}, "points.p.at", "outside 'ring'"),
     (ring() | {"stop": {"stroke": 1}}, "stop", "something is formed"),
+    (ring() | {"steps": {"stroke": 1}}, "steps.stroke", "the steps of tools alone are 'loads'"),
+    (ring() | {"steps": {"loads": 4, "adaptive": True}}, "steps.adaptive", "something is formed"),
+    (ring() | {"steps": {"loads": []}}, "steps.loads", "is no number of steps"),
+    (ring() | {"steps": {"loads": 2, "time": 1}}, "steps.loads", "given together with 'time'"),
+    (ring() | {"process": {"weight": True}}, "process.weight", "something is formed"),
+    (ring() | {"output": {"strokes": [1]}}, "output.strokes", "a tool that moves"),
+    (ring(heat_exchange={"kind": "constant", "temperature": 20, "coefficient": 1}), "tools.ring.heat_exchange", "none"),
 ]
 
 
@@ -74,6 +81,16 @@ def test_bad_tool_is_refused_where_it_is_wrong(values, key, words):
         check(scene.Scene.read(values))
     found = {problem.key: str(problem) for problem in error.value.problems or [error.value]}
     assert key in found and words in found[key]
+
+
+def test_load_steps_belong_to_tools_alone():
+    values = {"geometry": "plane_strain", "materials": {"lead": {"flow_stress": {"law": "constant", "value": 10}}},
+              "workpieces": {"b": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [1, 1]}, "material": "lead"}},
+              "tools": {"t": {"shape": {"kind": "plane", "point": [0, 1], "normal": [0, -1]},
+                              "drive": {"kind": "speed", "velocity": [0, -1]}}},
+              "steps": {"loads": 3}, "stop": {"stroke": 0.1}}
+    with pytest.raises(SceneError, match="tools alone"):
+        check(scene.Scene.read(values))
 
 
 def test_tool_is_fine_where_it_is_loaded_and_coarse_elsewhere():

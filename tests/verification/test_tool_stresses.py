@@ -5,6 +5,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming import cli, meshing
+from fenics_forming.errors import SceneError
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.parallel import total
 from fenics_forming.physics.tool_body.carrying import ContactForces, carried, moments
@@ -125,10 +126,10 @@ def test_tool_that_deforms_with_the_workpiece_leaves_frames_and_points_of_its_ow
 def test_assembled_tool_is_pre_stressed_before_the_forming_forces_come(tmp_path):
     """A die of insert and ring around a billet that flows against its bore: workpieces meet one outline, the forces go to
     the parts behind it. The bore is pressed in by the fit (0.016 mm) and comes out under the radial pressure."""
-    parts = {name: {"shape": {"kind": "rectangle", "from": [inner, -5], "to": [outer, 15]}, "material": "steel",
+    parts = {name: {"shape": {"kind": "rectangle", "from": [inner, 0], "to": [outer, 15]}, "material": "steel",
                     "mesh_size": size} for name, inner, outer, size in (("insert", 20, 40, 4), ("ring", 40, 80, 6))}
-    die = {"shape": {"kind": "polyline", "points": [[20, -5], [20, 15]], "side": "left"}, "parts": parts,
-           "held": {"z_low": "z", "z_high": "z"}}
+    die = {"shape": {"kind": "polyline", "points": [[20, 0], [20, 15]], "side": "left"}, "parts": parts,
+           "symmetry": ["z"], "held": {"z_high": "z"}}
     punch = {"shape": {"kind": "plane", "point": [0, 10], "normal": [0, -1]}, "drive": COLUMN["drive"]}
     scene = Scene.read({
         "geometry": "axisymmetric",
@@ -140,6 +141,9 @@ def test_assembled_tool_is_pre_stressed_before_the_forming_forces_come(tmp_path)
         "contacts": [{"between": ["insert", "ring"], "interference": 0.04}], "process": {"tool_deformation": "rigid"},
         "steps": {"stroke": 0.05}, "stop": {"stroke": 0.3}})
     run = ff.simulate(scene, tmp_path)
+    whole = scene.replaced(tools=scene.tools | {"die": scene.tools["die"].replaced(symmetry=())})
+    with pytest.raises(SceneError, match="must be cut there too"):       # the forces are those of the upper half
+        ff.tool_stresses(run, "die", scene=whole)
     rows = ff.tool_stresses(run, "die").history.rows
     assert [row["load_factor"] for row in rows] == [0, 0, 1]
     assert rows[1]["bore_displacement_r_mm"] == pytest.approx(-0.016, rel=1e-2)
