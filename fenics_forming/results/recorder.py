@@ -17,7 +17,6 @@ from .fields import FieldWriter, start_frames
 from .files import on_rank_zero, whole_file
 from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
-from .heat_frames import ToolHeatFrames
 from .history import History
 from .results import Results
 
@@ -50,6 +49,7 @@ class Recorder:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
             if self.heat is not None:
+                from .heat_frames import ToolHeatFrames
                 self.tool_heat = ToolHeatFrames(self.out, simulation.body.tools, self.comm, resume_after=resume_after)
             if simulation.lines is not None:
                 self.lines = FlowLineWriter(self.out, self.comm, resume_after=resume_after)

@@ -11,7 +11,7 @@ from .state import State
 
 NEAR_FORCE = 1e-3  # of a force to stop at: how exactly it is hit
 
-GRADUAL = 1e-3     # of the step in which a crank comes to its dead centre
+GRADUAL = 1e-2     # of the step in which a crank comes to its dead centre
 
 
 class Stops:
@@ -34,7 +34,7 @@ class Stops:
         return [t for drive in self.drives for t in drive.turning_times]
 
     def just_before(self, time: float, dt: float) -> float:
-        """The moment whose flow is recorded at a turn at ``time``, in a step of ``dt``: the last one, but a thousandth of
+        """The moment whose flow is recorded at a turn at ``time``, in a step of ``dt``: the last one, but a hundredth of
         the step earlier where a crank comes to rest, since without speed there is no flow."""
         gradual = any(d.dead_centre_time is not None and time in d.turning_times for d in self.drives)
         return time - GRADUAL * dt if gradual else np.nextafter(time, -np.inf)

@@ -16,6 +16,7 @@ from demos import (
     extrusion,
     flat_rolling,
     hammer_forging,
+    hot_forging,
     ring_compression,
     ring_rolling_rotation,
     riveting,
@@ -205,3 +206,13 @@ def test_the_python_of_the_readme_runs(number, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
 def test_what_the_readme_links_to_is_there(target):
     assert (Path(__file__).parents[2] / target).exists()
+
+
+def test_the_hot_billet_gives_columns_the_heat_that_a_temperature_field_takes(tmp_path, capsys):
+    runs = hot_forging.main(coarse=True, out=tmp_path)
+    assert "two half spaces" in capsys.readouterr().out
+    assert (tmp_path / "hot_forging.png").stat().st_size > 10_000
+    heat = {kind: run.history.rows[-1].get("heat_to_upper_J", 0.0) for kind, run in runs.items()}
+    assert heat["none"] == 0 < heat["column"] < heat["constant"], "a die that warms up takes less"
+    faces = [run.history.rows[-1]["face_temperature_degC"] for run in runs.values()]
+    assert faces[1] < faces[2] < faces[0], "the colder the die, the colder the face"

@@ -112,6 +112,19 @@ def test_temperature_is_known_to_laws_and_columns_only_where_the_scene_has_one(t
         assert results.history.column(column)[-1] == 900.0
 
 
+def test_isothermal_scene_computes_no_heat_whatever_is_known_of_its_material(monkeypatch):
+    """Density, conductivity, specific heat and a temperature are there, and nothing asks for heat: no field, no form."""
+    known = {"density": 7.85e-9, "conductivity": 40.0, "specific_heat": 4.6e8}
+    described = upsetting(Remembering(K=100, m=0.1), temperature=900.0)
+    described = described.replaced(materials={"m": described.materials["m"].replaced(**known)})
+    results = simulate(described)
+    assert not any("heat" in part for part in results.summary["parts_built"])
+    assert "heat" not in results.summary["ledger"] and "heat" not in results.summary["wall_s_by_part"]
+    assert not any("heat" in column or "temperature" in column for column in results.history.columns)
+    warm = simulate(described.replaced(process=scene.Process(heat=True)))
+    assert "heat conduction" in warm.summary["parts_built"] and "heat" in warm.summary["wall_s_by_part"]
+
+
 def test_scene_without_points_tracks_none(monkeypatch):
     """No search in the mesh, no columns."""
     from fenics_forming.physics import tracking
@@ -178,6 +191,9 @@ SCENE = """
     answer["remeshing"] = [name for name in sys.modules if name == "mmgpy" or name.startswith("fenics_forming.") and
                            name.endswith((".mesh_keeper", ".triggers", ".transfer", ".adaptation", ".plane", ".solid",
                                           ".mmg", ".assembling", ".interfaces", ".mass", ".inertia"))]
+    answer["heat"] = [name for name in sys.modules if name.startswith("fenics_forming.") and
+                      (".thermal" in name or name.split(".")[1] not in ("laws", "scene") and "heat" in name)
+                      and not name.endswith("tool_body.heating")]
     answer["dolfinx"] = "dolfinx" in sys.modules
     answer["steps"] = len(results.history)
     print(json.dumps(answer))
@@ -193,4 +209,4 @@ def test_run_without_output_imports_no_drawing_library_no_remeshing_and_compiles
     run = subprocess.run([sys.executable, "-c", textwrap.dedent(SCENE)], capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr
     answer = json.loads(run.stdout.splitlines()[-1])
-    assert answer == {"described": [], "run": [], "remeshing": [], "dolfinx": True, "steps": 2}
+    assert answer == {"described": [], "run": [], "remeshing": [], "heat": [], "dolfinx": True, "steps": 2}
