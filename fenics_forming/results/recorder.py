@@ -123,7 +123,7 @@ class Recorder:
     def _row(self, state, wall: float) -> dict[str, float]:
         run, scene, body = self.run, self.scene, self.run.body
         unit = "N_per_mm" if scene.geometry == "plane_strain" else "N"
-        row: dict[str, float] = {"step": state.step, "time_s": state.time, "dt_s": state.dt}
+        row: dict[str, float] = {"step": state.step, "time_s": state.clock, "dt_s": state.dt}
         row |= equipment_columns(run, state.time)
         for tool in body.tools:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
@@ -194,16 +194,16 @@ class Recorder:
                 "contact_pressure_MPa": sum(part.nodal_pressure() for part in w.contacts)}
         if temperature is not None:
             data["temperature_degC"] = temperature
-        self.fields.write(run.nodes, step=state.step, time=state.time, point_data=data,
+        self.fields.write(run.nodes, step=state.step, time=state.clock, point_data=data,
                           cell_data=self.bodies.cell_data())
         if self.contact_forces is not None:
-            self.contact_forces.write(run.body.contact, step=state.step, time=state.time)
+            self.contact_forces.write(run.body.contact, step=state.step, time=state.clock)
         if self.tools is not None:
-            self.tools.write(step=state.step, time=state.time)
+            self.tools.write(step=state.step, time=state.clock)
         if self.tool_heat is not None and state.heat is not None:
-            self.tool_heat.write(step=state.step, time=state.time, state=state.heat)
+            self.tool_heat.write(step=state.step, time=state.clock, state=state.heat)
         if self.lines is not None:
-            self.lines.write(step=state.step, time=state.time, places=run.lines.places,
+            self.lines.write(step=state.step, time=state.clock, places=run.lines.places,
                              fields={name: run.lines.values(values) for name, values in in_words(state.history).items()})
 
     # ------------------------------------------------------------------ the end

@@ -5,6 +5,7 @@ import math
 from ..errors import SceneError
 from ..laws.described import unknown_word
 from .contacts import contact_problems, pair_problems, pair_warnings
+from .cooling import cooling_problems
 from .drive_checks import ratio_problems, stop_problems
 from .heat import flowless_problems, heat_problems, heat_warnings, tool_material
 from .initial_velocity import inertia_problems, moves_by_itself, undriven_problems
@@ -39,7 +40,8 @@ def check(scene):
     if not problems:  # places can be compared only when every vector has the dimension of the scene
         problems = [*_law_problems(scene), *_step_problems(scene), *inertia_problems(scene)] if scene.process.flow else \
             [*flowless_problems(scene)]
-        problems += [*mesh_problems(scene), *placement_problems(scene), *pair_problems(scene), *heat_problems(scene)]
+        problems += [*mesh_problems(scene), *placement_problems(scene), *pair_problems(scene), *heat_problems(scene),
+                     *cooling_problems(scene)]
         problems += [*_solver_problems(scene), *tool_point_problems(scene), *tool_mode_problems(scene)]
     if problems:
         raise SceneError.joined(problems)

@@ -14,6 +14,8 @@ def asks_for_heat(scene):
         return "process.heat"
     if not scene.process.flow:
         return "process.flow"
+    if scene.process.cooling:
+        return "process.cooling"
     for name, body in scene.workpieces.items():
         if body.air is not None:
             return f"workpieces.{name}.air"

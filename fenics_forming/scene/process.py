@@ -6,6 +6,7 @@ from pydantic import AfterValidator, BeforeValidator, WithJsonSchema, model_vali
 
 from ..laws.described import Described, at_key
 from ..units import Count, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, kind_of, refused
+from .cooling import Coolings
 
 SCHEMES = ("explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation")
 Scheme = Literal["explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation"]
@@ -82,7 +83,8 @@ class Process(Described):
     "coupled" with the velocity of the last tool step, "separate" after every tool step, "stress_only" without an effect
     on the workpiece, or "rigid", not at all. tool_guard : "coupled" falls back to "iterated" where it is not stable.
     flow : false where nothing is formed: heat alone, until a time. heat : whether temperatures are computed; if not given,
-    where something asks for it (air, heat_exchange, plastic_heat_fraction, flow = false).
+    where something asks for it (air, heat_exchange, plastic_heat_fraction, flow = false). cooling : operations between
+    blows, a list of tables with the keys of `Cooling`.
     """
 
     shifting: Annotated[
@@ -96,6 +98,7 @@ class Process(Described):
     weight: Flag = False
     flow: Flag = True
     heat: Flag | None = None
+    cooling: Coolings = ()
 
     @model_validator(mode="after")
     def _one_number_of_substeps(self):

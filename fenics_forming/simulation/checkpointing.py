@@ -18,7 +18,8 @@ def save(run, path: Path, state: State) -> None:
     numbers, remembered = run.scheme.memory()
     moving, moved, masses = (None, {}, {}) if run.body.inertia is None else run.body.inertia.memory()
     save_checkpoint(path, run.nodes, scalars={
-        "step": state.step, "time": state.time, "dt": state.dt, "speed": run.body.speed,
+        "step": state.step, "time": state.time, "paused": state.paused, "cooled": state.cooled,
+        "dt": state.dt, "speed": run.body.speed,
         "solved_speed": run.body.solved_speed,
         "mesh_size": run.mesh_size, "mirrors": _with_words(run.mirrors), "bodies": run.body.making(),
         "points": _listed(run.points), "flow_lines": _listed(run.lines),
@@ -89,7 +90,8 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     if body.heat is not None:
         heat, rates = body.heat.resumed(local, saved["heat_tools"])
         flow = replace(flow, rates=flow.rates | rates)
-    return State(saved["step"], saved["time"], history, flow, saved["dt"], heat=heat)
+    return State(saved["step"], saved["time"], history, flow, saved["dt"], heat=heat, paused=saved["paused"],
+                 cooled=saved["cooled"])
 
 
 def _with_words(table: dict) -> dict:

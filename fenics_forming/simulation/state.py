@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 @dataclass
 class State:
     """Where a run is: step, time s, history of the nodes, the flow, the step length that contact looked ahead, and what
-    has changed the volume in the step, mm³ by cause; where temperatures change, what the heat needs to know."""
+    has changed the volume in the step, mm³ by cause; where temperatures change, what the heat needs to know; time
+    paused, s, in how many operations of cooling."""
 
     step: int
     time: float
@@ -25,3 +26,10 @@ class State:
     dt: float
     volume_changes: dict[str, float] = field(default_factory=dict)
     heat: HeatState | None = None
+    paused: float = 0.0
+    cooled: int = 0
+
+    @property
+    def clock(self) -> float:
+        """Time with all pauses, s."""
+        return self.time + self.paused

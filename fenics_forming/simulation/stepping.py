@@ -15,6 +15,7 @@ from ..process.schemes import scheme_of
 from ..process.timestep import Limit
 from ..process.tool_corners import hold_corners
 from ..scene import Scene
+from .cooling import cooled, due, resting
 from .state import State
 from .stops import Stops
 
@@ -54,6 +55,9 @@ class Stepper:
 
     def advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
+        if (operation := due(self.scene, state)) is not None:
+            self.renewed, self.solves = None, self.solves + 1
+            return cooled(self.body, state, operation, self.scheme.look_ahead), "cooling"
         if state.time in self.stops.turns:
             state = self._turned(state)
         shortened, tries = None, 0                  # a height or force to stop at is hit by secants
@@ -156,14 +160,17 @@ class Stepper:
         body.move_tools(self.stops.just_before(time, dt) if turns else time)
         heat = None
         if body.heat is not None:
-            history, heat = body.heat.advance(state.history, history, state.heat, body.tools, dt)
+            history, heat = resting(body, state.history, state.heat, body.tools, dt) if travels else \
+                body.heat.advance(state.history, history, state.heat, body.tools, dt)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         if heat is not None:
             flow = drifting(flow, heat)
         if body.deformations:
             changes = self._follow_tools(time, ahead, changes)
-        return State(state.step + 1, time, history, flow, ahead, changes, heat), 1 + end.solves, end.error
+        reached = replace(state, step=state.step + 1, time=time, history=history, flow=flow, dt=ahead,
+                          volume_changes=changes, heat=heat)
+        return reached, 1 + end.solves, end.error
 
     def _follow_tools(self, time: float, ahead: float, changes: dict) -> dict:
         """Tools that are solved now and then; the changes of volume with that by which they took the surface along."""

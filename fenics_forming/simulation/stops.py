@@ -57,7 +57,7 @@ class Stops:
         """Times that steps must end at, s."""
         drive, stop, strokes = self.drive, self.scene.stop, list(self.scene.output.strokes)
         times = [drive.time_of_travel(s) for s in strokes + ([stop.stroke] if stop.stroke is not None else [])]
-        times += self.turns
+        times += [*self.turns, *(operation.at for operation in self.scene.process.cooling)]
         return [t for t in times + ([stop.time] if stop.time is not None else []) if np.isfinite(t)]
 
     def watched(self, body: FlowingBody, force: float) -> list[tuple[float, float, float]]:

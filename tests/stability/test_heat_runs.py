@@ -159,3 +159,20 @@ def test_columns_and_a_temperature_field_agree(whole, tmp_path):
         for column in ("force_upper_N", "heat_to_upper_J", "max_temperature_upper_degC"):
             ours, columns = (results.history.column(column)[-1] for results in (field.results, whole))
             assert ours == pytest.approx(columns, rel=near), (column, every)
+
+
+COOLING = "process.cooling=[{ time = 2 }, { at = 0.02, time = 3, on = ['lower'] }]"
+
+
+def test_a_billet_cools_before_and_between_blows_while_the_press_waits(whole, tmp_path):
+    """The clock goes on, the stroke does not; the billet is colder and harder; a break in between changes nothing."""
+    cold = run(HOT, tmp_path / "whole", COOLING).results
+    history, rows = cold.history, [row for row in cold.history.rows if row["dt_s"]]
+    assert history.column("time_s")[-1] == pytest.approx(whole.history.column("time_s")[-1] + 5.0)
+    assert history.column("stroke_upper_mm")[-1] == pytest.approx(4.0) and len(history) == len(whole.history) + 2
+    waits = np.diff(history.column("time_s")) > 1
+    assert np.diff(history.column("stroke_upper_mm"))[waits] == pytest.approx([0, 0], abs=1e-12)
+    taken = np.diff(history.column("heat_to_lower_J"))[waits]
+    assert taken[0] == 0 < taken[1], "in the air first, on the lower die then"
+    assert rows[-1]["force_upper_N"] > 1.1 * whole.history.rows[-1]["force_upper_N"]
+    goes_on(cold, resumed(HOT, tmp_path, "stop.stroke='2 mm'", COOLING))
