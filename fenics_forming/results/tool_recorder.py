@@ -157,10 +157,16 @@ class ToolRecorder:
             "cells": run.cells, "dofs": run.dofs, "parts_built": run.parts_built(),
             "extents_mm": {name: {a: [float(low), float(high)] for a, low, high in zip(self.scene.axes, *e, strict=True)}
                            for name, e in extents.items()},
-            "tools": numbers, "ledger": {"energy": {name: energies(field) for name, field in self._fields.items()}},
+            "tools": numbers, "factorisations": {name: _factorisations(tool.solver) for name, tool in run.tools.items()},
+            "ledger": {"energy": {name: energies(field) for name, field in self._fields.items()}},
             "steps": int(self.row.get("step", 0)), "solves": self.solves, "newton_iterations": self.iterations,
             "newton_iterations_per_solve": self.iterations / max(self.solves, 1), "cut_backs": self.row.get("cut_backs", 0),
             "load_factor": self.row.get("load_factor", 0.0), "remeshings": 0,
             "seconds_to_build": run.seconds_to_build, "wall_s": wall, "cpu_s": process_time() - self._cpu,
             "wall_s_by_part": seconds, "peak_memory_MB": peak_memory(self.comm),
         }
+
+
+def _factorisations(solver) -> int:
+    """How often a stiffness was factorised: once for a tool that stays elastic, whatever its loads."""
+    return getattr(solver, "factorisations", 0) + solver.factor.factorisations

@@ -41,6 +41,7 @@ def test_thick_cylinder_carries_an_inner_pressure_as_lame_says():
     energy = results.summary["ledger"]["energy"]["cylinder"]
     assert energy["elastic_energy_mJ"] == pytest.approx(0.5 * 300 * 2 * np.pi * 20 * 10 * found[0], rel=1e-3)
     assert energy["external_work_mJ"] == pytest.approx(energy["elastic_energy_mJ"], rel=1e-9)
+    assert results.summary["factorisations"] == {"cylinder": 1}
 
 
 def rings(**more):
