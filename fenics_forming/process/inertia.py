@@ -65,6 +65,7 @@ class Inertia:
         self._settled = self._last = _Sums(np.zeros(mass.nodes.dim), {})    # a second solve at a time replaces the last
         self._half: tuple[Moment, _Sums, float] | None = None   # where a step began, what its first half booked, its middle
         self._carried: np.ndarray | None = None     # after a change of mesh: of the last flow, what it carries besides
+        self._most_momentum = np.abs(self._of_start.impulse)
         self._kept: tuple[np.ndarray, float] | None = None      # momentum and kinetic energy before that change
         self._speed = self._speed_before = self._greatest = 0.0
         self._surface_mass: float | None = None
@@ -134,6 +135,7 @@ class Inertia:
         taken = "first impact" if self.is_start else "stepping"
         energies[taken] = float(self.mass.kinetic_energy(velocity - self.before.velocity))
         self._last = _Sums(self.interval * force, energies)
+        self._most_momentum = np.maximum(self._most_momentum, np.abs(self.mass.momentum(velocity)))
         if self.is_start:
             self._forget_loads(body)
         elif halfway:
@@ -224,9 +226,8 @@ class Inertia:
         return self.mass.momentum(self.velocity)
 
     def greatest_momentum(self) -> np.ndarray:
-        """That of the start, the impulse or that of now, the greatest of each, (dim,) N s. Collective."""
-        impulse = (self._settled + self._last).impulse
-        return np.abs([self._of_start.impulse, impulse, self.momentum()]).max(axis=0)
+        """The greatest that the run has seen, of each component, (dim,) N s."""
+        return self._most_momentum
 
     def momentum_error(self) -> np.ndarray:
         """Momentum less that of the start and the impulse of tools and weight, (dim,) N s. Collective."""
@@ -246,6 +247,7 @@ class Inertia:
         sums = {name: {"impulse": s.impulse.tolist(), "energies": s.energies} for name, s in
                 (("start", self._of_start), ("settled", self._settled), ("last", self._last), ("first", first))}
         numbers = {"times": [began.time, self.before.time, self.now.time], "is_start": self.is_start, "sums": sums,
+                   "most_momentum": self._most_momentum.tolist(),
                    "speeds": [self._speed, self._speed_before, self._greatest],
                    "has_halves": self._half is not None and self._half[2] == self.before.time}
         velocities = {"began": began, "before": self.before, "now": self.now}
@@ -260,7 +262,7 @@ class Inertia:
             _Sums(np.array(numbers["sums"][n]["impulse"]), numbers["sums"][n]["energies"])
             for n in ("start", "settled", "last", "first"))
         self._half = (began, first, self.before.time) if numbers["has_halves"] else None
-        self.is_start = numbers["is_start"]
+        self.is_start, self._most_momentum = numbers["is_start"], np.array(numbers["most_momentum"])
         self._speed, self._speed_before, self._greatest = numbers["speeds"]
         self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)
         self.mass.follow()
