@@ -186,7 +186,18 @@ def _pictures(results) -> list[str]:
             close(ax)
         else:
             made.append(_picture(plot_fields(results, field), name_and_unit(skin.full_name(field))[0]))
-    return [*made, _picture(plot_fields(results, None), "mesh")]
+    return [*made, _picture(plot_fields(results, None), "mesh"), *_tools(results)]
+
+
+def _tools(results) -> list[str]:
+    """Stress and temperature of the tools that have frames of their own."""
+    made = []
+    for tool in getattr(results.scene, "tools", ()):
+        if results.tool_frames(tool):
+            skin = Skin.read(frame_of(results, -1, tool)[1])
+            for field in filter(skin.full_name, ("von_mises", "temperature")):
+                made.append(_picture(plot_fields(results, field, tool=tool), f"{field.replace('_', ' ')} of {tool}"))
+    return made
 
 
 def _picture(drawn, caption) -> str:
