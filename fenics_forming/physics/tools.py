@@ -65,6 +65,15 @@ def surface_of(tool: Tool, scene: Scene):
             from .contact.polyline import solid_polygon
             points, fillet = _past_the_mirrors(shape.corners, shape.radii, tool, scene)
             return solid_polygon(points, fillet=fillet)
+        case "file":
+            from .file_surfaces import file_sides, outline_of, triangles_of
+            sides = file_sides(scene, next(name for name, known in scene.tools.items() if known is tool))
+            if scene.dimension == 3:
+                from .contact.triangulated import Triangulated
+                return Triangulated(*triangles_of(sides))
+            from .contact.polyline import solid_polygon
+            corners = outline_of(sides)
+            return solid_polygon(_past_the_mirrors(corners, np.zeros(len(corners)), tool, scene)[0])
         case "stl":
             from .contact.triangulated import Triangulated, read_stl
             surface = read_stl(shape.path, scale=shape.scale)

@@ -227,3 +227,33 @@ def test_tools_keep_their_order_names_and_friction():
     assert [t.has_friction for t in tools] == [True, False, True]
     assert [t.sticks for t in tools] == [True, False, False]
     assert tools[1].friction is None, "absent, not zero"
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_body_from_a_file_is_met_at_its_outer_sides(tmp_path, dim):
+    """A plate that gmsh has written: the gaps above and beside it; its mirror plane is no surface."""
+    import gmsh
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    if dim == 3:
+        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 4)
+    else:
+        gmsh.model.occ.addRectangle(0, 0, 0, 10, 4)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(tmp_path / "plate.brep"))
+    gmsh.finalize()
+    tool = scene.Tool(shape=scene.BodyFile(path=str(tmp_path / "plate.brep")), material="m", mesh_size=3, symmetry=["x"])
+    found = surface_of(tool, scene_with("plane_strain" if dim == 2 else "3d", t=tool))
+    high = [[5.0, 6.0], [0.0, 5.0], [12.0, 2.0], [0.5, 2.0]] if dim == 2 else \
+        [[5.0, 5, 6], [0.0, 5, 5], [12.0, 5, 2], [0.5, 5, 2]]
+    assert gap(found, *high) == pytest.approx([2, 1, 2, -2])
+    assert normal(found, *high[0])[-1] == pytest.approx(1)
+
+
+def test_outline_of_a_body_with_a_hole_is_refused():
+    from fenics_forming.physics.file_surfaces import outline_of
+    square = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], float)
+    sides = np.array([[a, b, (a + b) / 2] for a, b in zip(square, np.roll(square, -1, axis=0), strict=True)])
+    assert outline_of(sides) == pytest.approx(square)
+    with pytest.raises(SceneError, match="several outlines"):
+        outline_of(np.concatenate([sides, 0.25 * sides[:, [1, 0, 2]] + 1]))
