@@ -162,6 +162,18 @@ def test_points_beyond_the_rim_of_the_other_body_stay_open():
     np.testing.assert_array_equal(np.isfinite(stack.contact.point_gap), at > 0.5 * SIDE)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_diagonal_blocks_are_those_of_the_tangent(dim):
+    stack = Stack(dim, 3, 2)
+    stack.contact.search(stack.nodes.x, 1.0)
+    stack.contact.respond(vector_of(stack, lambda x: 0.0 * x), touching=1e-6)
+    first, blocks = stack.contact.diagonal()
+    tangent = stack.contact.tangent()
+    found = [[[tangent.getValue(dof + i, dof + j) for j in range(dim)] for i in range(dim)] for dof in first]
+    assert np.abs(blocks).max() > 0
+    np.testing.assert_allclose(blocks, found, atol=1e-12 * np.abs(blocks).max())
+
+
 @pytest.mark.mpi
 def test_two_ranks_find_the_same_force_and_shortening():
     code = ("from tests.unit.test_body_contact import Stack; import numpy as np; from mpi4py import MPI; "

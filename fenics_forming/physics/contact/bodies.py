@@ -31,7 +31,7 @@ from ..surface import facet_sides
 from . import point_law as law
 from .capture import CapturingSurface
 from .carriers import Carriers, means, turning
-from .gap_operator import gap_operator
+from .gap_operator import NodeTraces, gap_operator
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
@@ -63,7 +63,7 @@ class BodyContact:
     ----------
     state : `CarrierState` · weights : (carriers,) mm², the surface of each that is over the other body
     point_gap, point_weights : (points,) gaps that the points see, mm, and their surfaces, mm²
-    seconds : spent on search, operator and tangent
+    seconds : spent on search, operator, law, forces and tangent
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, slave: np.ndarray, master: np.ndarray, *, dofs: np.ndarray,
@@ -87,7 +87,9 @@ class BodyContact:
         self.state = CarrierState.at_rest(self.carriers.count, self.dim)
         self.state.groups = self.carriers.groups
         self.silence()
-        self.G = self._K = self._inner = None
+        self.G = self._K = self._inner = self._traces = None
+        unknowns = np.concatenate([_everywhere(nodes.comm, dofs[self.points.sides]), self._columns]).reshape(-1, self.dim)
+        self._unknowns = unknowns[np.unique(unknowns[:, 0], return_index=True)[1]]
 
     # ------------------------------------------------------------------ pairing
     def search(self, x: np.ndarray, dt: float, reach: float = np.inf, soon: float = np.inf, fade: float = 1.0) -> None:
@@ -172,7 +174,7 @@ class BodyContact:
         for old in (self.G, self._K, self._inner):
             if old is not None:
                 old.destroy()
-        self._K = self._inner = None
+        self._K = self._inner = self._traces = None
         shape = self.points.shape[near % self.points.per_side]
         own = self.points.sides[side]
         self.G = gap_operator(self.nodes.comm, carriers, self._owned, of_point=of_point, share=share, turn=turn,
@@ -215,6 +217,7 @@ class BodyContact:
         flow_stress : (carriers,) for friction that is limited by it; touching : gap below which every carrier is closed;
         again : in the same solve, where carriers that open and close must calm down
         """
+        start = perf_counter()
         state, relative, before = self.state, self.relative(unknowns), self.state.active
         closed = None if touching is None else state.gap <= touching
         law.normal_pressure(state, relative, self.coefficient, self.dt, closed)
@@ -227,6 +230,7 @@ class BodyContact:
             along, along_tangent = law.friction_response(state, limit, self.slip0)
             traction, tangent = traction + along, tangent + along_tangent
         self.traction, self._tangent, self._guessed = traction, tangent, touching is not None
+        self.seconds += perf_counter() - start
 
     @property
     def has_friction(self) -> bool:
@@ -260,9 +264,11 @@ class BodyContact:
     # ------------------------------------------------------------------ what goes into the system
     def forces(self) -> PETSc.Vec:
         """Nodal forces of the contact on both bodies, G^T w t. Collective."""
+        start = perf_counter()
         load, out = self.G.createVecLeft(), self.G.createVecRight()
         load.array[:] = (self.weights[:, None] * self.traction).ravel()
         self.G.multTranspose(load, out)
+        self.seconds += perf_counter() - start
         return out
 
     def weighted_tangent(self) -> np.ndarray:
@@ -288,6 +294,16 @@ class BodyContact:
             self._inner.PtAP(self.G, result=self._K)
         self.seconds += perf_counter() - start
         return self._K
+
+    def diagonal(self) -> tuple[np.ndarray, np.ndarray]:
+        """The blocks on the diagonal of the tangent, without the tangent: global number of the first unknown of each node
+        of both surfaces (n,), and blocks (n, dim, dim), the same on all ranks. Collective."""
+        start = perf_counter()
+        if self._traces is None:
+            self._traces = NodeTraces(self.G, self._unknowns)
+        blocks = total(self.nodes.comm, self._traces.diagonal(self.weighted_tangent()))
+        self.seconds += perf_counter() - start
+        return self._unknowns[:, 0], blocks
 
     # ------------------------------------------------------------------ what the bodies feel
     def force(self) -> np.ndarray:

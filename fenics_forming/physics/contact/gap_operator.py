@@ -53,6 +53,36 @@ def gap_operator(comm, carriers: Carriers, owned: int, *, of_point: np.ndarray, 
         csr=(matrix.indptr.astype(index), unknown[matrix.indices].astype(index), matrix.data))
 
 
+class NodeTraces:
+    """A gap operator by the nodes and axes of its columns.
+
+    Parameters
+    ----------
+    operator : of `gap_operator` · unknowns : (nodes, dim) global numbers of the unknowns of all nodes that it may hold
+    """
+
+    def __init__(self, operator: PETSc.Mat, unknowns: np.ndarray):
+        starts, columns, values = operator.getValuesCSR()
+        order = np.argsort(unknowns, axis=None)
+        place = order[np.searchsorted(unknowns.ravel()[order], columns)]
+        node, axis = np.divmod(place, unknowns.shape[1])
+        row, size = np.repeat(np.arange(len(starts) - 1), np.diff(starts)), (len(starts) - 1, len(unknowns))
+        self._of_axis = [sparse.csr_matrix((values[axis == i], (row[axis == i], node[axis == i])), size)
+                         for i in range(unknowns.shape[1])]
+
+    def diagonal(self, weighted: np.ndarray) -> np.ndarray:
+        """Blocks on the diagonal of G^T T G for blocks T (carriers, dim, dim): what this rank's carriers give, (nodes, dim,
+        dim)."""
+        count, dim = len(weighted), len(self._of_axis)
+        at = sparse.bsr_matrix((weighted, np.arange(count), np.arange(count + 1)), 2 * (count * dim,)).tocsr()
+        blocks = np.zeros((self._of_axis[0].shape[1], dim, dim))
+        for j, trace in enumerate(self._of_axis):
+            pressed = at @ trace
+            for i, other in enumerate(self._of_axis):
+                blocks[:, i, j] = other.multiply(pressed).sum(axis=0)
+        return blocks
+
+
 def _kept(comm, carriers: Carriers, dim: int, rows, columns, values):
     """The entries of this rank's carriers, from all ranks, with rows counted from its first. Collective."""
     first, last = carriers.first * dim, (carriers.first + carriers.count) * dim

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from petsc4py import PETSc
@@ -56,6 +57,7 @@ class Interfaces:
         self._axisymmetric = kinematics.name == "axisymmetric"
         self._size = [side_length(nodes, contact.points.sides) for contact in self.contacts]
         self._known = [np.empty(0, np.int64) for _ in pairs]
+        self._merging = 0.0
         self.has_new_pairs = True       # since the matrix was last made to hold them
 
     @property
@@ -85,13 +87,20 @@ class Interfaces:
 
     def merged(self, bulk: PETSc.Mat) -> PETSc.Mat:
         """A matrix that holds ``bulk`` and all present pairs. Collective."""
+        start, inside = perf_counter(), sum(contact.seconds for contact in self.contacts)
         out = bulk.copy()
         for k, contact in enumerate(self.contacts):
             contact.silence()
             out.axpy(1.0, contact.tangent(), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             self._known[k] = contact.pairs()
         self.has_new_pairs = False
+        self._merging += perf_counter() - start - sum(contact.seconds for contact in self.contacts) + inside
         return out
+
+    @property
+    def seconds(self) -> float:
+        """Spent on contact between bodies: search, operator, law, forces, tangents, and what they add to the matrix."""
+        return self._merging + sum(contact.seconds for contact in self.contacts)
 
     # ------------------------------------------------------------------ response, as of contact with tools
     @property
@@ -144,7 +153,9 @@ class Interfaces:
     def add_tangent(self, matrix: PETSc.Mat) -> None:
         """Add the tangents of the contacts to a matrix that holds all pairs. Collective."""
         for contact in self.contacts:
-            matrix.axpy(1.0, contact.tangent(), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            tangent, start = contact.tangent(), perf_counter()
+            matrix.axpy(1.0, tangent, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            self._merging += perf_counter() - start
 
     # ------------------------------------------------------------------ what the bodies feel
     def forces(self) -> np.ndarray:

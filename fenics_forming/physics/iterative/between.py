@@ -26,10 +26,8 @@ class BetweenBodies:
         self._x = PETSc.Vec().createMPI((workpiece.owned, None), comm=nodes.comm)
         self._y = self._x.duplicate()
         self._node_of = np.full(workpiece.owned, -1)
-        self._axis_of = np.zeros(workpiece.owned, int)
         for axis in range(3):
             self._node_of[self._own[:, axis]] = np.arange(nodes.owned)
-            self._axis_of[self._own[:, axis]] = axis
         self._linear = self._prolongation(workpiece, everywhere)
 
     def _prolongation(self, workpiece: Workpiece, everywhere: Everywhere) -> PETSc.Mat:
@@ -67,13 +65,10 @@ class BetweenBodies:
     def add_diagonal(self, blocks: np.ndarray) -> None:
         """Add the blocks of the diagonal to the owners' of ``blocks`` (nodes, 9). Collective."""
         for contact in self._interfaces.contacts:
-            starts, columns, values = contact.tangent().getValuesCSR()
-            rows, columns = np.repeat(np.arange(len(starts) - 1), np.diff(starts)), columns - self._first()
-            mine = (columns >= 0) & (columns < len(self._node_of)) & (values != 0)
-            rows, columns, values = rows[mine], columns[mine], values[mine]
-            same = (self._node_of[rows] == self._node_of[columns]) & (self._node_of[rows] >= 0)
-            rows, columns = rows[same], columns[same]
-            np.add.at(blocks, (self._node_of[rows], 3 * self._axis_of[rows] + self._axis_of[columns]), values[same])
+            dofs, found = contact.diagonal()
+            local = dofs - self._first()
+            mine = np.flatnonzero((local >= 0) & (local < len(self._node_of)))
+            blocks[self._node_of[local[mine]]] += found[mine].reshape(-1, 9)
 
     def _first(self) -> int:
         return self._x.getOwnershipRange()[0]
