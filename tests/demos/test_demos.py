@@ -10,6 +10,7 @@ from demos import (
     assembled_die,
     billet_upsetting,
     bimetal_upsetting,
+    block_forging_3d,
     block_upsetting_3d,
     closed_die,
     drop_and_rest,
@@ -20,6 +21,7 @@ from demos import (
     ring_compression,
     ring_rolling_rotation,
     riveting,
+    spike_forging_3d,
     taylor_impact,
 )
 from demos.comparison import Compared, Disagreement, compare
@@ -216,3 +218,19 @@ def test_the_hot_billet_gives_columns_the_heat_that_a_temperature_field_takes(tm
     assert heat["none"] == 0 < heat["column"] < heat["constant"], "a die that warms up takes less"
     faces = [run.history.rows[-1]["face_temperature_degC"] for run in runs.values()]
     assert faces[1] < faces[2] < faces[0], "the colder the die, the colder the face"
+
+
+@pytest.mark.long
+def test_the_sticking_cube_has_one_force_on_three_meshes(tmp_path, capsys):
+    runs = block_forging_3d.main(coarse=True, out=tmp_path)
+    assert "force with elements of" in capsys.readouterr().out
+    assert (tmp_path / "block_forging.png").stat().st_size > 10_000
+    assert {run.summary["linear_solver"]["kind"] for run in runs.values()} == {"iterative"}
+    assert not any("solved directly" in run.summary["linear_solver"] for run in runs.values())
+
+
+def test_the_spike_in_space_is_the_one_about_the_axis(tmp_path, capsys):
+    runs = spike_forging_3d.main(coarse=True, out=tmp_path)
+    assert "tip of the spike" in capsys.readouterr().out
+    assert (tmp_path / "spike.png").stat().st_size > 10_000
+    assert runs["space"].summary["linear_solver"]["kind"] == "iterative"
