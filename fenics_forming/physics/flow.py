@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from dolfinx.mesh import Mesh
 
+from .conditions import FixedVelocity
 from .kinematics import KINDS, Kinematics
 from .meshing import order_two
 from .newton import FlowSolver
 from .nodes import Nodes
 from .settings import NewtonSettings
-from .workpiece import FixedVelocity, Workpiece
+from .workpiece import Workpiece
 
 __all__ = ["FixedVelocity", "FlowField", "solve_flow"]
 

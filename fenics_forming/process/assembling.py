@@ -7,6 +7,7 @@ from dolfinx.mesh import Mesh
 
 from ..errors import MeshError
 from ..physics.assembly import assembled_mesh
+from ..physics.conditions import FixedVelocity
 from ..physics.contact.facets import ContactFacets
 from ..physics.contact.interfaces import Pair, side_length
 from ..physics.contact.rigid import KnownTool, RigidContact
@@ -16,7 +17,7 @@ from ..physics.nodes import Nodes
 from ..physics.parallel import highest, lowest, total
 from ..physics.parts import DamageByRow, Parts
 from ..physics.surface import Surface, facet_sides
-from ..physics.workpiece import FixedVelocity, Workpiece
+from ..physics.workpiece import Workpiece
 from ..scene import Scene
 from .body import FlowingBody
 from .moving import mass_of, velocity_of

@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx.mesh import Mesh
 
 from ..errors import MeshError
+from ..physics.conditions import FixedVelocity, facet_nodes
 from ..physics.contact.facets import ContactFacets
 from ..physics.contact.rigid import KnownTool, RigidContact
 from ..physics.kinematics import KINDS
@@ -13,7 +14,7 @@ from ..physics.meshing import boundary_facets, exterior_facets
 from ..physics.nodes import Nodes
 from ..physics.parallel import total
 from ..physics.settings import NewtonSettings
-from ..physics.workpiece import FixedVelocity, Workpiece, facet_nodes
+from ..physics.workpiece import Workpiece
 from ..scene import Scene
 from .body import FlowingBody
 from .moving import mass_of, velocity_of

@@ -13,8 +13,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from fenics_forming import meshing
+from fenics_forming.physics.conditions import facet_nodes
 from fenics_forming.physics.nodes import EDGES, Nodes
-from fenics_forming.physics.workpiece import facet_nodes
 
 ALONE = MPI.COMM_SELF
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from fenics_forming import FixedVelocity, NewtonSettings, kinematics, laws, meshing, scene
+from fenics_forming.physics.conditions import facet_nodes
 from fenics_forming.physics.contact.facets import ContactFacets
 from fenics_forming.physics.contact.rigid import KnownTool, RigidContact, ToolMotion
 from fenics_forming.physics.contact.surfaces import Plane
 from fenics_forming.physics.nodes import Nodes
-from fenics_forming.physics.workpiece import Workpiece, facet_nodes
+from fenics_forming.physics.workpiece import Workpiece
 from fenics_forming.process import shifting
 from fenics_forming.process.body import FlowingBody
 from fenics_forming.process.integration import Etd2, Explicit, Flow, Midpoint, Rotation, Trapezoid

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_forming import laws, simulate
-from fenics_forming.physics.workpiece import MOST_TIED, RateContinuity
+from fenics_forming.physics.rate_continuity import MOST_TIED, RateContinuity
 from fenics_forming.scene import Scene
 
 

@@ -6,12 +6,13 @@ import ufl
 from scipy.integrate import solve_ivp
 
 from fenics_forming import Simulation, laws, meshing, read_scene, simulate
+from fenics_forming.physics.conditions import FixedVelocity
 from fenics_forming.physics.gravity import GRAVITY
 from fenics_forming.physics.kinematics import KINDS
 from fenics_forming.physics.mass import MassProperties
 from fenics_forming.physics.newton import FlowSolver
 from fenics_forming.physics.nodes import Nodes
-from fenics_forming.physics.workpiece import FixedVelocity, Workpiece
+from fenics_forming.physics.workpiece import Workpiece
 from fenics_forming.process.body import FlowingBody
 from fenics_forming.process.integration import Midpoint
 

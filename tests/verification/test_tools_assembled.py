@@ -5,6 +5,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming import FixedDisplacement, Pressure, meshing
+from fenics_forming.physics.conditions import facet_nodes
 from fenics_forming.physics.gather import gather_cells, gather_nodal
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.tool_body import (
@@ -16,7 +17,6 @@ from fenics_forming.physics.tool_body import (
     fields,
     global_dofs,
 )
-from fenics_forming.physics.workpiece import facet_nodes
 
 from .shapes import ring_sector, side
 from .test_tools_elastic import STEEL, at_radius, radial, symmetric

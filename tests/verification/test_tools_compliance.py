@@ -5,6 +5,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming import FixedDisplacement, Pressure, laws, meshing
+from fenics_forming.physics.conditions import facet_nodes
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.tool_body import (
     ElasticSolver,
@@ -14,7 +15,6 @@ from fenics_forming.physics.tool_body import (
     ToolSettings,
     global_dofs,
 )
-from fenics_forming.physics.workpiece import facet_nodes
 
 from .shapes import side
 from .test_tools_elastic import KINDS, STEEL, block

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from dolfinx.mesh import Mesh
 
+from ..conditions import facet_nodes
 from ..kinematics import SQRT2
 from ..meshing import order_two
 from ..nodes import Nodes
 from ..parallel import total
-from ..workpiece import facet_nodes
 from .body import ToolBody
 from .elastic import ElasticSolver
 from .plastic import PlasticSolver, ToolSettings

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..conditions import facet_nodes
 from ..nodes import Nodes
-from ..workpiece import facet_nodes
 
 
 @dataclass(frozen=True)
