@@ -172,6 +172,10 @@ class AssembledSolver(PlasticSolver):
             contact.state = copy.deepcopy(then)
         super().go_back(state[:2])
 
+    def _advice(self) -> str:
+        slide = "its parts slide or part, and nothing else holds them: try smaller loads, more friction or supports"
+        return f"{slide}; or {super()._advice()}" if self.body.yields else slide
+
     # ------------------------------------------------------------------ contact in Newton's iteration
     def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:
         """Contact opens and closes: one linear solve is no solution."""

@@ -131,8 +131,10 @@ class PlasticSolver:
 
     def _collapse(self, history) -> ConvergenceError:
         return ConvergenceError(f"the tool carries {100 * self.reached:.1f} % of the step to its new loads, no more",
-                                history=history, advice="it yields as a whole: try smaller loads, hardening, or a higher "
-                                                        "yield stress")
+                                history=history, advice=self._advice())
+
+    def _advice(self) -> str:
+        return "it yields as a whole: try smaller loads, hardening, or a higher yield stress"
 
     def _step_elastically(self, target: PETSc.Vec, held: float) -> bool:
         """The whole step with the elastic stiffness; whether no point flows in it, else everything is as before."""
