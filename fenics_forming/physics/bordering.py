@@ -69,7 +69,7 @@ class Border:
 
     def power(self) -> float:
         """Power of what does not balance on the present rates, motion by motion, mW. Collective."""
-        return float(sum(np.abs(r * t.free.rate).sum() for r, t in zip(self.residuals(), self.tools, strict=True)))
+        return float(sum(t.free.power(r) for r, t in zip(self.residuals(), self.tools, strict=True)))
 
     # ------------------------------------------------------------------ solving
     def solve(self, system, b: PETSc.Vec) -> None:
@@ -117,17 +117,29 @@ class Border:
         that the solve has to be done again. Collective."""
         return any([tool.free.found(self.reactions(tool)) for tool in self.tools])
 
-    def solved(self, solve):
-        """What ``solve()`` finds, done again where a motion resists otherwise than it was taken to. Collective."""
-        found = solve()
+    def solved(self, solve, rise):
+        """What ``solve()`` finds, done again where a motion resists otherwise than it was taken to. Collective.
+
+        rise : f() → relative rise of the force of forming with the way, 1/mm
+        """
+        found = self._once(solve, rise)
         for _ in range(3):
             if not self.found():
                 break
             for tool in self.tools:
                 tool.free.prepare(tool.free.horizon)
-            again = solve()
+            again = self._once(solve, rise)
             found = replace(again, iterations=found.iterations + again.iterations)
         return found
+
+    def _once(self, solve, rise):
+        """One solve; where a force has to be met later, with what the body will resist then."""
+        later = [tool.free for tool in self.tools if tool.free.time_left > 0.0]
+        if not later or self.workpiece.is_cold:
+            return solve()
+        for motions in later:
+            motions.expect(rise())
+        return solve(step=None)         # what ties rates to those before would hold the tool back
 
     def advance(self, share: float = 1.0) -> None:
         """Add a share of the increments to the rates."""

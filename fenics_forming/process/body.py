@@ -146,7 +146,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         solve = partial(self.solver.solve, strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                         step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
         border = self.solver.border
-        once = lambda: (solve() if border is None else border.solved(solve)).iterations  # noqa: E731
+        rise = partial(self._rise, history)
+        once = lambda: (solve() if border is None else border.solved(solve, rise)).iterations  # noqa: E731
         try:
             iterations = once()
             if self.deformations and ahead == 1.0:       # only those that take the tools along
@@ -157,6 +158,16 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         if self.inertia is not None:
             self.inertia.found(self, time, halfway=gaps is not None)
         return Flow(self.workpiece.velocity, self.rates(history), iterations)
+
+    def _rise(self, history: dict[str, np.ndarray]) -> float:
+        """Rise of the force of forming with the way of the tools, relative to it, 1/mm: by the change of shape, and by
+        hardening, both in proportion to the strain. Collective."""
+        strain, law, rate = history["effective_strain"], self.workpiece.nodal_law, self.workpiece.nodal_rate()
+        now, then = (np.broadcast_to(law(e, rate, self.temperature_in(history)), strain.shape)
+                     for e in (strain, strain + 0.01))
+        sums = total(self.nodes.comm, np.array([now.sum(), then.sum()]))
+        hardening = max(float(sums[1] / sums[0] - 1.0) / 0.01, 0.0)
+        return (1.0 + hardening) * max(self._mean_rate(self.speed / self.height()) / self.speed, 1.0 / self.height())
 
     def _follow_speed(self) -> None:
         """Let the flow of the solve before start the next one faster or slower, as the tools have become: on a crank, whose

@@ -8,6 +8,7 @@ from ..laws import Drive, RollDrive, SpringDrive
 from ..physics.contact.free_motions import FreeMotions, RigidMotions
 from ..scene import Scene, copies
 
+STANDS = 2e-3    # of the given speed: slower, and the press counts as held back
 STIFF = 1e9      # of the force limit over the speed: resistance of a press below its limit
 
 
@@ -31,7 +32,9 @@ def free_motion_of(scene: Scene, drive: Drive) -> FreeMotions | None:
     if isinstance(drive, RollDrive) and drive.is_free:
         return FreeRoll(drive, copies(scene))
     if drive.force_limit is not None:
-        return LimitedForce(drive, copies(scene, drive.direction))
+        laws = [scene.materials[body.material].flow_stress for body in scene.workpieces.values()]
+        places = not any(law.depends_on_rate for law in laws)
+        return LimitedForce(drive, copies(scene, drive.direction), places=places)
     return None
 
 
@@ -77,18 +80,25 @@ class LimitedForce(RigidMotions):
     Below the share s of its limit :math:`F_0` it has the given speed w. From there on its force is
     :math:`F=sF_0-R\,a`, :math:`R=(1-s)F_0/w`, with the speed w + a: it stands still at the limit.
 
+    The force on a body that does not depend on the rate tells where the tool is, not how fast: there it is met at the end
+    of the step, by a body that resists as its shape will be then (``time_left``).
+
     Parameters
     ----------
     drive : with `force_limit`, `yields_from` and the given speed · share : parts of the whole body that the mesh stands for
+    places : whether the force tells the place
     """
 
-    follows_drive = False    # at its limit a press may be much slower
+    share_of_drive = STANDS  # at its limit a press may be much slower; one that stands still must not count for nothing
 
-    def __init__(self, drive: Drive, share: int):
+    def __init__(self, drive: Drive, share: int, *, places: bool):
         super().__init__([drive.direction])
-        self._drive, self.yields = drive, False
-        self._limit = drive.force_limit / share
-        self._from = drive.yields_from
+        self._drive, self.yields, self._places = drive, False, places
+        self._share, self._from, self._passed = share, drive.yields_from, 0.0       # the last: way since the step began, mm
+
+    @property
+    def _limit(self) -> float:
+        return self._drive.force_at(self.since + self.horizon if self._places else self.now) / self._share
 
     @property
     def _given_speed(self) -> float:
@@ -102,11 +112,30 @@ class LimitedForce(RigidMotions):
         self.resistance = np.array([[(1 - self._from) * slope if self.yields else STIFF * slope]])
         self.load = np.array([self._from * self._limit if self.yields else 0.0])
 
+    def moved(self, motion, time: float):
+        given = self._drive.travel(time) - self._drive.travel(self.since)
+        self._passed = float(given + self.at(time)[0] - self.displacement[0])
+        return super().moved(motion, time)
+
+    @property
+    def time_left(self) -> float:
+        return max(self.since + self.horizon - self.now, 0.0) if self._places and self.yields else 0.0
+
+    def expect(self, rise: float) -> None:
+        """The resistance will rise by a share ``rise`` of itself on every mm of the way that is left of the step, what the
+        tool will have gone at its end less what it has gone."""
+        rise = self._limit * rise
+        self.resistance = self.resistance + rise * self.horizon
+        self.load = self.load - rise * (self.horizon * self._given_speed - self._passed)
+
     def found(self, reaction: np.ndarray) -> bool:
         """Whether the solve took the wrong branch, and has to be done again with the other."""
         before = self.yields
         self.yields = bool(self.rate[0] <= 0) if before else bool(reaction[0] > self._from * self._limit)
         return self.yields != before
+
+    def power(self, forces: np.ndarray) -> float:
+        return float(abs(forces[0] * (self._given_speed + self.rate[0])))     # on what the tool really does
 
     def unopposed(self) -> np.ndarray:
         return np.zeros(1)
@@ -114,7 +143,8 @@ class LimitedForce(RigidMotions):
     @property
     def stands_still(self) -> bool:
         """Whether the force limit holds the press back altogether."""
-        return self.yields and self._given_speed + self.rate[0] < 2e-3 * self._given_speed
+        given = self._given_speed
+        return self.yields and self.now >= self._drive.last_change and given + self.rate[0] < STANDS * given
 
     def memory(self):
         return super().memory() | {"yields": self.yields}

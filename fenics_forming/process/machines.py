@@ -12,6 +12,7 @@ from ..scene import Scene, copies
 from .integration import Flow
 
 SPENT = 2e-6     # of the energy of a blow: what may be left, or overdrawn, at its end
+ALIKE = 1e-3     # difference of the shares by which several rams slow down in a step, up to which the flow is scaled by one
 CREEP = 1e-3     # of the speed of impact: that of the flow at the end of a blow, whose force is that of v → 0
 
 
@@ -32,16 +33,21 @@ class Rams:
 
     def __init__(self, drives: dict):
         self.by_tool: dict[str, Ram] = {name: drive for name, drive in drives.items() if isinstance(drive, Ram)}
-        movers = [drive for drive in drives.values() if drive.moves]
-        self._alone = len(self.by_tool) == 1 and all(isinstance(drive, (Ram, Follower)) for drive in movers)
+        self._alone = all(isinstance(drive, (Ram, Follower)) for drive in drives.values() if drive.moves)
 
     def begin(self, flow: Flow, dt: float) -> Flow:
-        """A step of ``dt`` is tried: the flow with which it starts, at the mean speed of a ram that drives it alone."""
+        """A step of ``dt`` is tried: the flow with which it starts, at the mean speed of the rams where they slow down
+        alike and nothing else drives it."""
         shares = [ram.begin(dt) for ram in self.by_tool.values()]
-        if not self._alone:
+        if not self._alone or not shares or max(shares) - min(shares) > ALIKE:
             return flow
         rates = {name: shares[0] * rate for name, rate in flow.rates.items()}
         return replace(flow, velocity=shares[0] * flow.velocity, rates=rates)
+
+    @property
+    def between_blows(self) -> bool:
+        """Whether a blow has ended and no other one begun: there the flow is that of the limit v → 0, or none."""
+        return any(ram.between_blows for ram in self.by_tool.values())
 
     def feel(self, contact, time: float) -> None:
         """The forces of a solve at ``time``. Collective."""
@@ -85,9 +91,10 @@ def _stored(free, displacement) -> float:
 class RamState:
     """Where a ram is in its blows, at the time ``since``, s.
 
-    travelled : stroke, mm · speed, mm/s, and slowing, mm/s², with which it goes on · pace : mean speed of the step that is
-    tried, mm/s, else None · left : energy of the present blow, mJ
-    work : given to the body, mJ · stored : energy in the press frame, mJ · blow : number of blows that are over
+    travelled : place along the direction, mm · speed, mm/s, and slowing, mm/s², with which it goes on · pace : mean speed
+    of the step that is tried, mm/s, else None · left : energy of the present blow, mJ
+    work : given to the body, mJ · stored : energy in the press frame, mJ · lost : elsewhere, mJ
+    blow : number of blows that are over · ended : whether one was over just now
     next : time of the next blow in a pause, else None · turns : ends of blows and of pauses, s
     felt : (time, s, force on the body, N, power of the force on what yields, mW) of the last two solves
     """
@@ -100,7 +107,9 @@ class RamState:
     pace: float | None = None
     work: float = 0.0
     stored: float = 0.0
+    lost: float = 0.0
     blow: int = 0
+    ended: bool = False
     next: float | None = None
     felt: list = field(default_factory=list)
     turns: list = field(default_factory=list)
@@ -131,18 +140,22 @@ class Ram:
     # ------------------------------------------------------------------ as a drive
     def velocity(self, time):
         now = self._now
-        late = time - now.since
-        if now.next is not None:            # in a pause; at the very end of the blow before, the flow of v → 0
-            speed = self._impact(now.blow) if time >= now.next else CREEP * self._impact(now.blow - 1) if late < 0 else 0.0
+        if time < now.since:            # just before: at the end of a blow the flow of v → 0
+            speed = CREEP * self._impact(now.blow - 1) if now.ended else 0.0
+        elif now.next is not None:
+            speed = self._impact(now.blow) if time >= now.next else 0.0
         else:
-            speed = (now.speed if now.pace is None else now.pace) if late >= 0 else 0.0
+            speed = now.speed if now.pace is None else now.pace
         return speed * self.direction
 
     def travel(self, time):
         now = self._now
+        if time <= now.since:           # it is lifted a moment later
+            return now.travelled
         if now.next is not None:
-            return now.travelled + (self._impact(now.blow) * (time - now.next) if time > now.next else 0.0)
-        late = max(time - now.since, 0.0)
+            flown = self._impact(now.blow) * (time - now.next) if time > now.next else 0.0
+            return now.travelled - self.drive.lift + flown
+        late = time - now.since
         if now.pace is not None:
             return now.travelled + now.pace * late
         late = min(late, self._time_to_rest())
@@ -197,36 +210,50 @@ class Ram:
     def arrive(self, time: float, stored: float = 0.0) -> None:
         """A step has ended at ``time``: the body has taken the work of the way, less what has yielded, and the frame
         ``stored``, mJ, of the modelled part."""
-        now = self._now
-        way = self.travel(time) - now.travelled
+        now, stored = self._now, stored * self._copies
+        force, yielding = self._felt_at((now.since + time) / 2)
+        if now.next is not None or force <= 0 and stored < 0:       # the frame of a lifted ram springs back
+            now.stored, now.lost, stored = now.stored + stored, now.lost - stored, 0.0
         if now.next is not None:
             if time >= now.next:
-                now.turns, now.since, now.next = [*now.turns, time], time, None
-                now.left, now.slowing = now.left + self.drive.energies[now.blow], 0.0
-                now.speed = self._impact(now.blow)
+                self._strike(time)
             return
-        force, yielding = self._felt_at((now.since + time) / 2)
-        work, stored = force * way + yielding * (time - now.since), stored * self._copies
+        way = self.travel(time) - now.travelled
+        work = force * way + yielding * (time - now.since)
         taken = (work + stored) / self.drive.forming_share
         slowing = max(force, 0.0) / self._resisting_mass
         self._overdrawn = None
         if now.left - taken < -SPENT / 2 * self.drive.energies[now.blow]:
             self._overdrawn = now.since, slowing, now.speed / slowing
-        now.work += work
-        now.stored += stored
-        now.left -= taken
-        now.since, now.travelled, now.pace = time, now.travelled + way, None
+        now.work, now.stored, now.left = now.work + work, now.stored + stored, now.left - taken
+        now.lost += (1 - self.drive.forming_share) * taken
+        now.since, now.travelled, now.pace, now.ended = time, now.travelled + way, None, False
         now.speed = sqrt(2 * max(now.left, 0.0) / self.drive.moving_mass)
         now.slowing = slowing
         if now.left <= SPENT * self.drive.energies[now.blow]:
-            now.blow += 1
+            now.blow, now.ended, now.turns = now.blow + 1, True, [*now.turns, time]
             now.next = time + self.drive.pause if now.blow < len(self.drive.energies) else inf
-            now.turns = [*now.turns, time]
+            if now.next == time:
+                self._strike(time)
+
+    def _strike(self, time: float) -> None:
+        """The next blow begins."""
+        now = self._now
+        now.ended = now.since == time
+        now.turns, now.since, now.next = [*now.turns, time], time, None
+        now.travelled -= self.drive.lift
+        now.left, now.slowing = now.left + self.drive.energies[now.blow], 0.0
+        now.speed = sqrt(2 * now.left / self.drive.moving_mass)
 
     @property
     def is_spent(self) -> bool:
         """Whether the last blow is over."""
         return self._now.blow == len(self.drive.energies)
+
+    @property
+    def between_blows(self) -> bool:
+        """Whether a blow has ended and no other one begun."""
+        return self._now.next is not None
 
     @property
     def time_left(self) -> float:
@@ -238,7 +265,7 @@ class Ram:
         now = self._now
         brought = sum(self.drive.energies[:now.blow + (now.next is None)])
         return {"brought": brought, "work on the body": float(now.work), "stored in the frame": float(now.stored),
-                "lost": float(now.work + now.stored) * (1 / self.drive.forming_share - 1), "left": float(now.left)}
+                "lost": float(now.lost), "left": float(now.left)}
 
     def memory(self) -> dict:
         """The state, as JSON can hold it."""

@@ -131,6 +131,7 @@ class PowerLedger:
         self.last: dict[str, float] = {}
         self.worst = 0.0
         self.work = self.penalty_work = 0.0
+        self._creeps = False
 
     def memory(self) -> dict:
         """What a later run goes on from, as JSON can hold it."""
@@ -147,7 +148,7 @@ class PowerLedger:
         """
         if body.workpiece.is_cold or body.inertia is not None and body.inertia.is_start:
             return 0.0
-        self.last = body.powers()
+        self.last, self._creeps = body.powers(), body.rams.between_blows
         given = _given(self.last)
         self.work += dt * abs(self.last["tools"] if body.inertia is None else given)
         self.penalty_work += dt * abs(self.last["penalty"])
@@ -159,9 +160,10 @@ class PowerLedger:
 
     def penalty_shares(self) -> tuple[float, float]:
         """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole; with
-        inertia, where the last flow may be that of a body that has all but come to rest, on the whole only."""
+        inertia and at the end of a blow, where the last flow is that of a body that has all but come to rest, on the whole
+        only."""
         mean = float(self.penalty_work / self.work) if self.work > 0 else 0.0
-        if "inertia" in self.last:
+        if "inertia" in self.last or self._creeps:
             return mean, mean
         given = abs(self.last.get("tools", 0.0))
         return float(abs(self.last["penalty"]) / given if given > 0 else 0.0), mean

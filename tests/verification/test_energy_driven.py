@@ -105,6 +105,33 @@ def test_a_screw_press_gives_its_energy_at_the_speed_of_its_flywheel():
     assert stroke[1] / time[1] == pytest.approx(500, rel=0.05), "slows down a little in the first step"
 
 
+@pytest.mark.parametrize(("pause", "lift"), [(0, 0), (0.5, 2.0)])
+def test_a_ram_strikes_again_at_once_or_is_lifted_in_between(pause, lift):
+    drive = HAMMER | {"energy": "200 J", "blows": 2, "pause": pause, "lift": lift, "stiffness": 5e5}
+    results = ff.simulate(cylinder(drive))
+    ledger = results.summary["ledger"]["energy_mJ"]["ram"]
+    assert sum(ledger.values()) == pytest.approx(2 * ledger["brought"], rel=1e-12)
+    assert height(results) == pytest.approx(20 * math.exp(-ledger["work on the body"] / (100 * VOLUME)), rel=5e-3)
+    stroke, force = results.history.column("stroke_ram_mm"), results.history.column("force_ram_N")
+    again = np.flatnonzero(np.diff(results.history.column("energy_ram_mJ")) > 0)[0] + 1
+    if lift:        # the way up and the flight down cost nothing; what the frame had stored is lost
+        assert stroke[again] == pytest.approx(stroke[again - 1] - lift) and force[again] == 0
+        assert ledger["lost"] == pytest.approx(force[again - 1] ** 2 / (2 * 5e5), rel=1e-2)
+    else:
+        assert ledger["lost"] == 0 and (force > 0).all()
+
+
+def test_two_hammers_against_one_another_forge_as_one_does_a_half():
+    table = cylinder(HAMMER | {"energy": "200 J"}).as_table()
+    table["tools"]["anvil"]["drive"] = HAMMER | {"energy": "200 J", "direction": [0, 1]}
+    both = ff.simulate(ff.Scene.read(table))
+    table["workpieces"]["billet"] |= {"shape": {"kind": "rectangle", "from": [0, 10], "to": [10, 20]}, "symmetry": ["z"]}
+    del table["tools"]["anvil"]
+    half = ff.simulate(ff.Scene.read(table))
+    assert height(both) == pytest.approx(10.58156, rel=5e-3)
+    assert height(both) == pytest.approx(2 * height(half), rel=1e-4)
+
+
 @pytest.mark.parametrize("blows", [1, 2])
 def test_the_frame_of_a_screw_press_keeps_a_part_of_the_energy(blows):
     """REFERENCES.md 11: 200 J, frame 5e5 N/mm; in two strokes the frame stays stretched between them."""

@@ -57,6 +57,18 @@ def test_a_force_drive_presses_a_rate_dependent_body_as_fast_as_it_yields():
     np.testing.assert_allclose(results.history.column("force_ram_N"), force, rtol=2e-3)
 
 
+def test_a_rising_force_forms_as_far_as_the_body_resists_it():
+    drive = {"kind": "force", "force": ["20 kN", "60 kN"], "times": [0, 1], "speed": 30, "direction": [0, -1]}
+    results = ff.simulate(cylinder(drive, stress=HARDENING, steps={"time": 0.02}, stop={"stroke": 15}))
+    assert "force limit" in results.summary["stopped"] and results.history.column("time_s")[-1] >= 1.0
+    time, force, stroke = (results.history.column(n) for n in ("time_s", "force_ram_N", "stroke_ram_mm"))
+    rising = (time > 0.45) & (time < 0.99)
+    np.testing.assert_allclose(force[rising], 20e3 + 40e3 * time[rising], rtol=2e-3)
+    assert stroke[time < 0.28].max() < 1e-3, "below the force of yielding it stands still"
+    np.testing.assert_allclose(stroke[rising], [20 - height_at(20e3 + 40e3 * t) for t in time[rising]], atol=0.02)
+    assert height(results) == pytest.approx(height_at(60e3), rel=5e-3)
+
+
 def test_a_spring_gives_way_by_the_force_over_its_stiffness():
     results = ff.simulate(counter_spring(2e4))
     force, way = results.history.column("force_ram_N"), results.history.column("deflection_anvil_mm")
@@ -96,6 +108,8 @@ def test_two_ranks_find_the_same_motion(tmp_path):
     (PRESS | {"force": "3 MPa"}, "tools.ram.drive.force: '3 MPa' has the wrong dimension"),
     ({"kind": "force", "force": 100, "direction": [0, -1]}, "tools.ram.drive.speed: is missing"),
     ({"kind": "force", "force": -100, "speed": 1, "direction": [0, -1]}, "tools.ram.drive.force: -100 is not positive"),
+    ({"kind": "force", "force": [1, 2], "speed": 1, "direction": [0, -1]}, "drive.force: is a list; expected 'times'"),
+    ({"kind": "force", "force": [1, 2], "times": [1, 2], "speed": 1, "direction": [0, -1]}, "drive.times: are not rising"),
     ({"kind": "spring", "stiffness": 0, "direction": [0, -1]}, "tools.ram.drive.stiffness: .* is not positive"),
     ({"kind": "spring", "stiffness": 10, "direction": [0, -1]}, "tools: no tool moves"),
     ({"kind": "roll", "centre": [0, 30]}, "tools.ram.drive: turns the tool out of its axisymmetry"),

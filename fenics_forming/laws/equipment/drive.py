@@ -92,6 +92,15 @@ class Drive(Described):
         """Greatest force of the tool, N; None of a drive without a limit."""
         return None
 
+    def force_at(self, time):
+        """The force limit at a time, N."""
+        return self.force_limit
+
+    @property
+    def last_change(self):
+        """Time from which on the force limit stays, s."""
+        return 0.0
+
     @property
     def stalls(self):
         """Whether its force limit holds the tool back altogether, in a run."""
@@ -156,3 +165,9 @@ def check_direction(direction):
     """Refuse a direction of the length zero."""
     if not any(direction):
         raise at_key("direction", "has the length zero; expected a direction such as [0, -1]", direction)
+
+
+def listed(value):
+    """A single value as a list of one."""
+    is_list = hasattr(value, "__len__") and not isinstance(value, (str, dict))
+    return value if is_list else [value]

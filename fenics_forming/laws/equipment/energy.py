@@ -6,17 +6,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from ...units import Count, Energy, List, NonNegative, Number, Positive, Time, Vector, Within
+from ...units import Count, Energy, Length, List, NonNegative, Number, Positive, Time, Vector, Within
 from ..described import at_key
-from .drive import Translation, check_direction, check_spin, unit
+from .drive import Translation, check_direction, check_spin, listed, unit
 
-
-def _listed(value):
-    is_list = hasattr(value, "__len__") and not isinstance(value, (str, dict))
-    return value if is_list else [value]
-
-
-Energies = Annotated[List(Positive(Energy)), BeforeValidator(_listed)]
+Energies = Annotated[List(Positive(Energy)), BeforeValidator(listed)]
 
 
 class EnergyDrive(Translation):
@@ -35,6 +29,7 @@ class EnergyDrive(Translation):
     efficiency: Within(Positive(Number), 0, 1) = 1.0
     blows: Count | None = None
     pause: NonNegative(Time) = 0.0
+    lift: NonNegative(Length) = 0.0
 
     @model_validator(mode="after")
     def _blows_fit(self):

@@ -1,13 +1,17 @@
 """A tool that presses with a given force."""
 
 import math
-from typing import Literal
+from itertools import pairwise
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
 
-from ...units import ForceOrLineForce, Number, Positive, Speed, Vector
-from .drive import Translation, check_direction, check_spin, unit
+from ...units import ForceOrLineForce, List, Number, Positive, Speed, Time, Vector
+from ..described import at_key
+from .drive import Translation, check_direction, check_spin, listed, unit
 
+Forces = Annotated[List(Positive(ForceOrLineForce)), BeforeValidator(listed)]
 STEEP = 1e-3     # share of the force over which the speed falls from the given one to nothing
 
 
@@ -19,12 +23,13 @@ class ForceDrive(Translation):
 
     Parameters
     ----------
-    force : N (N/mm in plane strain), of the whole tool. speed : mm/s, the greatest. direction : any length.
-    rotation : optional `Spin`, or a table of its keys.
+    force : N (N/mm in plane strain), of the whole tool; with `times` a list, linear between them. times : s, rising from 0.
+    speed : mm/s, the greatest. direction : any length. rotation : optional `Spin`, or a table of its keys.
     """
 
     kind: Literal["force"] = "force"
-    force: Positive(ForceOrLineForce)
+    force: Forces
+    times: List(Time, at_least=2) | None = None
     speed: Positive(Speed)
     given_direction: Vector(Number) = Field(alias="direction")
 
@@ -32,11 +37,24 @@ class ForceDrive(Translation):
     def _has_a_direction(self):
         check_spin(self.rotation, len(self.given_direction))
         check_direction(self.given_direction)
+        times = self.times or (0.0,)
+        if times[0] != 0 or any(late <= early for early, late in pairwise(times)):
+            raise at_key("times", "are not rising from 0", list(times), "rising times, the first 0")
+        if len(self.force) != len(times):
+            sentence = f"has {len(self.force)} values for {len(times)} times; expected one for each"
+            raise at_key("force", sentence if self.times else "is a list; expected 'times' with it", self.force)
         return self
 
     @property
     def force_limit(self):
-        return self.force
+        return max(self.force)
+
+    def force_at(self, time):
+        return float(np.interp(time, self.times or (0.0,), self.force))
+
+    @property
+    def last_change(self):
+        return self.times[-1] if self.times else 0.0
 
     @property
     def yields_from(self):

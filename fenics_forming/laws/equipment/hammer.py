@@ -16,8 +16,9 @@ class HammerDrive(EnergyDrive):
     ----------
     mass : of the ram, t or "100 kg". energy : of a blow, mJ or "400 J"; a list for blows of different energy.
     direction : of the blow, any length. anvil_mass : of an anvil that is not held, t. efficiency : share of what is left
-    that forms. blows : their number. pause : between the end of a blow and the next, s; the ram rests on the body.
-    rotation : optional `Spin`. In plane strain mass and energy are those of one mm of width.
+    that forms. blows : their number. pause : between the end of a blow and the next, s. lift : of the ram above the body at
+    the end of a blow, mm; it rests on the body if not given. rotation : optional `Spin`. In plane strain mass and energy
+    are those of one mm of width.
 
     References
     ----------

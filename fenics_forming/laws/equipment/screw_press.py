@@ -15,8 +15,8 @@ class ScrewPressDrive(EnergyDrive):
     ----------
     energy : of flywheel and ram at the start of a stroke, mJ or "200 J"; a list for several. speed : of the ram with the
     largest of them, mm/s. direction : any length. efficiency : share of the energy that forms and stretches the frame; the
-    rest is lost in screw and guides. blows : number of strokes. pause : between them, s. rotation : optional `Spin`. In
-    plane strain energies are those of one mm of width.
+    rest is lost in screw and guides. blows : number of strokes. pause : between them, s. lift : of the ram above the body
+    in a pause, mm. rotation : optional `Spin`. In plane strain energies are those of one mm of width.
 
     References
     ----------

@@ -38,7 +38,7 @@ class FreeMotions:
     resistance, load : (n, n) and (n,) of the next solve: resistance · rate = load - reaction of the body
     """
 
-    follows_drive = True     # whether the drive's own velocity tells how fast the tool is
+    share_of_drive = 1.0     # of the drive's own velocity, that the tool counts to have at least
     deforms = False     # whether they are those of a surface, of which a point meets but a few
 
     def __init__(self, count: int, *, stiffness=0.0, mass=0.0, force=0.0, velocity=0.0):
@@ -85,6 +85,15 @@ class FreeMotions:
         smooth = np.linalg.norm(change) <= SMOOTH * np.linalg.norm(reaction)
         self.reaction = reaction if smooth else None
         return False
+
+    @property
+    def time_left(self) -> float:
+        """Time, s, over which the body changes its shape before a given force has to be met; 0 where that is at once."""
+        return 0.0
+
+    def power(self, forces: np.ndarray) -> float:
+        """Sizes of the powers of forces (n,) N on the present motions, summed, mW."""
+        return float(np.abs(forces * self.rate).sum())
 
     def unopposed(self) -> np.ndarray:
         """Rates over the prepared horizon where no body opposes them, (n,); the present ones of what nothing resists."""

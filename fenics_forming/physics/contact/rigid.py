@@ -106,8 +106,8 @@ class KnownTool:
     def velocities(self) -> list[np.ndarray]:
         """Velocities that measure how fast the tool is, (points, dim), mm/s: its own, and of one that yields a little that
         of its drive."""
-        follows = self.free is None or self.free.follows_drive
-        return [self.state.tool_velocity, self.given_velocity] if follows else [self.state.tool_velocity]
+        share = 1.0 if self.free is None else self.free.share_of_drive
+        return [self.state.tool_velocity, share * self.given_velocity]
 
     @property
     def is_sought(self) -> bool:
