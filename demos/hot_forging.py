@@ -93,23 +93,24 @@ def compared(runs: dict[str, ff.Results], early: float) -> list[Compared]:
 
 
 def picture(runs: dict[str, ff.Results], path: Path) -> None:
-    """Temperatures in billet and die; those of both faces over the stroke; the force."""
-    figure, (field, faces, force) = plt.subplots(1, 3, figsize=(14, 4.6), layout="constrained",
-                                                 gridspec_kw={"width_ratios": [1.25, 1, 1]})
+    """Temperatures in billet and die near their face; those of both faces, and the heat that went over, by the stroke."""
+    figure, (field, faces, heat) = plt.subplots(1, 3, figsize=(15, 4.4), layout="constrained",
+                                                gridspec_kw={"width_ratios": [1.7, 1, 1]})
     draw_field(field, figure, runs["coupled"])
     for kind, run in runs.items():
-        stroke = run.stroke("upper")
-        faces.plot(stroke, run.history.column("face_temperature_degC"), color=COLOURS[kind], label=kind)
-        if kind in ("column", "coupled"):
-            faces.plot(stroke, run.history.column("max_temperature_upper_degC"), "--", color=COLOURS[kind])
-        force.plot(stroke, run.force("upper") / 1e3, color=COLOURS[kind], label=kind)
+        stroke, look = run.stroke("upper"), {"color": COLOURS[kind], "linewidth": 4 if kind == "column" else 1.5}
+        faces.plot(stroke, run.history.column("face_temperature_degC"), label=kind, **look)
+        if "max_temperature_upper_degC" in run.history.columns:
+            faces.plot(stroke, run.history.column("max_temperature_upper_degC"), "--", **look)
+        given = run.history.column("heat_to_upper_J") if kind != "none" else np.zeros(len(stroke))
+        heat.plot(stroke, given, label=kind, **look)
     faces.axhline(250, linestyle="--", linewidth=1, color=COLOURS["constant"])
     faces.set(xlabel="stroke, mm", ylabel="temperature, °C",
               title="face of the billet on the axis (full),\nhottest place of the die (dashed)")
-    force.set(xlabel="stroke, mm", ylabel="force, kN", title="force of the press")
+    heat.set(xlabel="stroke, mm", ylabel="heat, J", title="heat given to the upper die")
     faces.legend(title="upper die", loc="center right")
-    force.set_ylim(bottom=0)
-    for axes in (faces, force):
+    heat.legend(title="upper die")
+    for axes in (faces, heat):
         axes.grid(alpha=0.3)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130)
@@ -117,23 +118,22 @@ def picture(runs: dict[str, ff.Results], path: Path) -> None:
 
 
 def draw_field(axes, figure, run: ff.Results) -> None:
-    """The section of billet and upper die at the last stroke but the dead centre, hot and cold on one scale."""
+    """The section of billet and upper die at the last frame before the dead centre, each on a scale of its own."""
     import meshio
 
     from fenics_forming.results.fields import read_frames
-    frames = [{round(time, 9): path for time, path in read_frames(run.folder, series)}
-              for series in ("fields", "heat_upper")]
-    time = sorted(set(frames[0]) & set(frames[1]))[-2]
-    for at in frames:
-        mesh = meshio.read(at[time])
+    frames = {series: {round(time, 9): path for time, path in read_frames(run.folder, series)}
+              for series in ("fields", "heat_upper")}
+    time = sorted(set(frames["fields"]) & set(frames["heat_upper"]))[-2]
+    for series, colours, low, high, what in (("fields", "inferno", 900, 1170, "billet"),
+                                             ("heat_upper", "viridis", 250, 450, "die")):
+        mesh = meshio.read(frames[series][time])
         x, cells = mesh.points, mesh.cells[0].data[:, :3]
-        values = mesh.point_data["temperature_degC"]
         for side in (1, -1):
-            drawn = axes.tripcolor(side * x[:, 0], x[:, 1], cells, values, shading="gouraud", vmin=250, vmax=1170,
-                                   cmap="inferno")
-    axes.plot([-45, 45], [0, 0], color="black", linewidth=3)
-    axes.set(aspect="equal", xlabel="r, mm", ylabel="z, mm", xlim=(-45, 45), title="temperatures, coupled upper die")
-    figure.colorbar(drawn, ax=axes, label="°C", shrink=0.8)
+            drawn = axes.tripcolor(side * x[:, 0], x[:, 1], cells, mesh.point_data["temperature_degC"],
+                                   shading="gouraud", vmin=low, vmax=high, cmap=colours)
+        figure.colorbar(drawn, ax=axes, label=f"{what}, °C", shrink=0.75, aspect=25, pad=0.02)
+    axes.set(aspect="equal", xlim=(-32, 32), ylim=(8, 44), xlabel="r, mm", ylabel="z, mm", title="temperatures at the face, coupled die")
 
 
 if __name__ == "__main__":
