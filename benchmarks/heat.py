@@ -1,4 +1,4 @@
-"""What a die costs that takes heat: insulating, of constant temperature, as columns, and with a temperature field of its own.
+"""What a die costs that takes heat: insulating, of constant temperature, as columns, with a temperature field of its own.
 
 The billet of ``demos/hot_forging.py`` on its coarse mesh, with elements of 0.5 mm at the dies. The reference is the finest
 temperature field. Only the upper die differs from run to run.

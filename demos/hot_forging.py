@@ -133,7 +133,8 @@ def draw_field(axes, figure, run: ff.Results) -> None:
             drawn = axes.tripcolor(side * x[:, 0], x[:, 1], cells, mesh.point_data["temperature_degC"],
                                    shading="gouraud", vmin=low, vmax=high, cmap=colours)
         figure.colorbar(drawn, ax=axes, label=f"{what}, °C", shrink=0.75, aspect=25, pad=0.02)
-    axes.set(aspect="equal", xlim=(-32, 32), ylim=(8, 44), xlabel="r, mm", ylabel="z, mm", title="temperatures at the face, coupled die")
+    axes.set(aspect="equal", xlim=(-32, 32), ylim=(8, 44), xlabel="r, mm", ylabel="z, mm",
+             title="temperatures at the face, coupled die")
 
 
 if __name__ == "__main__":
