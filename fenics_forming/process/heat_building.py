@@ -26,7 +26,7 @@ def body_heat(scene: Scene, nodes, kinematics, surface, tools, workpiece=None) -
                  for name, tool in scene.tools.items() if tool.heat_exchange.acts}
     for tool in tools:
         if scene.tools[tool.name].heat_exchange.kind == "coupled" and tool.heat is None:
-            tool.heat = tool_heat(scene, tool.name, nodes.comm)
+            tool.heat = tool_heat(scene, tool, nodes.comm)
     contact = None if workpiece is None else workpiece.contact
     facets = ContactFacets(nodes, kinematics, surface) if contact is None else contact.facets
     return BodyHeat(field, facets, exchanges=exchanges, effusivity=effusivity(material), air=body.air,

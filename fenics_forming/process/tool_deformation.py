@@ -157,6 +157,15 @@ class Deformation:
         motions.prepare(motions.horizon)
         return False
 
+    def expand(self, temperature: np.ndarray, stress_free: float) -> None:
+        """The tool has temperatures (nodes,) of its mesh, degC, and no thermal strain at ``stress_free``: take over where
+        that puts it without contact. Collective."""
+        self.tool.body.set_temperature(temperature, stress_free)
+        if self.tool.follows_a_tangent:
+            return              # solved anew under the forces of contact, from where its tangent is taken
+        self.tool.at_rest = self.tool.solve(np.zeros(self.tool.surface.x.shape))
+        self.motions.solved_at[0] = self.tool.at_rest.ravel()
+
     def settle(self) -> None:
         """The step is accepted, and with it what has yielded."""
         if self.tool is not None and not self.motions.given:

@@ -78,15 +78,21 @@ class ToolHeat:
         return self.field.scattered(temperature if self.nodes.comm.rank == 0 else None)
 
 
-def tool_heat(scene: Scene, name: str, comm) -> ToolHeat:
-    """The temperature field of a tool of a scene: meshed, fine where it faces the workpiece. Collective.
+def tool_heat(scene: Scene, known, comm) -> ToolHeat:
+    """The temperature field of a tool of a scene (``KnownTool``): on the mesh on which it deforms, where it does; else it
+    is meshed for that, fine where it faces the workpiece. Collective.
 
     Raises
     ------
     MeshError
         if it cannot be meshed.
     """
-    tool, body = scene.tools[name], scene.workpiece
+    name, body = known.name, scene.workpiece
+    tool, material = scene.tools[name], scene.materials[tool_material(scene, name)]
+    made = lambda nodes: ToolHeat(nodes, KINDS[scene.geometry], tool.heat_exchange, conductivity=material.conductivity,  # noqa: E731
+                                  volumetric_capacity=material.density * material.specific_heat)
+    if known.deformation is not None and known.deformation.tool is not None:
+        return made(known.deformation.tool.body.nodes)
     near = facing_points(scene, name, {name: tool})[name]
     size = tool.mesh_size
     contact, far = (None, None) if size is None else (size.contact, size.far)
@@ -94,6 +100,4 @@ def tool_heat(scene: Scene, name: str, comm) -> ToolHeat:
         contact = FINE[scene.dimension] * body.mesh_size
     mirrors = [scene.axes.index(a) for a in tool.symmetry] + [0] * (scene.geometry == "axisymmetric")
     mesh = solid_mesh(tool.shape, scene.dimension, contact=contact, far=far, near=near, mirrors=mirrors, comm=comm)
-    material = scene.materials[tool_material(scene, name)]
-    return ToolHeat(Nodes(mesh), KINDS[scene.geometry], tool.heat_exchange, conductivity=material.conductivity,
-                    volumetric_capacity=material.density * material.specific_heat)
+    return made(Nodes(mesh))
