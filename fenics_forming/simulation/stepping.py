@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import ConvergenceError, MeshError
 from ..process.body import FlowingBody
-from ..process.heat_expansion import expand
 from ..process.integration import StepEnd, drifting
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
@@ -163,7 +162,9 @@ class Stepper:
         if body.heat is not None:
             history, heat = resting(body, state.history, state.heat, body.tools, dt) if travels else \
                 body.heat.advance(state.history, history, state.heat, body.tools, dt)
-            expand(body, heat)
+            if body.deformations:
+                from ..process.heat_expansion import expand
+                expand(body, heat)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         if heat is not None:
