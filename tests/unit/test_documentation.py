@@ -123,3 +123,10 @@ def test_licence_and_version_are_the_same_everywhere():
     assert f"## {fenics_forming.__version__}" in (project / "CHANGELOG.md").read_text(encoding="utf-8")
     text = (project / "LICENSE").read_text(encoding="utf-8")
     assert "GNU LESSER GENERAL PUBLIC LICENSE" in text and "GNU GENERAL PUBLIC LICENSE" in text
+
+
+
+def test_the_scene_that_the_readme_begins_with_is_fine_as_it_stands():
+    import fenics_forming as ff
+
+    assert ff.check(ff.read_scene(DOCS.parent / "demos" / "scenes" / "cup_extrusion.toml")) == []
