@@ -25,28 +25,6 @@ def changed(drive, **keys):
     return type(drive)(**drive.as_table() | keys)
 
 
-# REFERENCES.md 11: angle before the dead centre, height above it, speed
-@pytest.mark.parametrize(("degrees", "height", "speed"), [
-    (90, 108.392022, 628.318531), (60, 56.282896, 589.964648), (45, 33.470557, 497.015614),
-    (30, 15.484422, 359.662522), (15, 3.965905, 188.825132), (5, 0.443835, 63.854725)])
-def test_a_crank_press_moves_as_a_slider_crank(degrees, height, speed):
-    time = CRANK.dead_centre_time - math.radians(degrees) / CRANK.speed
-    assert 200 - CRANK.travel(time) == pytest.approx(height, abs=1e-6)       # printed with six decimals
-    np.testing.assert_allclose(CRANK.velocity(time), [0, -speed], atol=1e-6 * speed)
-    assert CRANK.angle_at(CRANK.height_at(math.radians(degrees))) == pytest.approx(math.radians(degrees), rel=1e-12)
-
-
-def test_a_crank_press_started_above_the_dead_centre_needs_the_known_time_to_it():
-    started = CRANK.replaced(dead_centre="20 mm")                             # REFERENCES.md 11
-    assert started.dead_centre_time == pytest.approx(0.095173, abs=1e-6)
-    assert math.degrees(started.speed * started.dead_centre_time) == pytest.approx(34.26213, abs=1e-5)
-    np.testing.assert_allclose(started.velocity(0.0), [0, -402.6713], rtol=1e-6)
-    np.testing.assert_allclose(started.displacement(started.dead_centre_time), [0, -20], atol=1e-12)
-    assert np.linalg.norm(started.velocity(started.dead_centre_time)) < 1e-9
-    fastest = max(np.linalg.norm(CRANK.velocity(t)) for t in np.linspace(0, 0.5, 4001))
-    assert fastest == pytest.approx(636.9917, rel=1e-6)
-
-
 def test_a_crank_press_makes_one_stroke_and_stays_at_the_top():
     down, up = CRANK.turning_times
     assert (down, up) == (pytest.approx(0.5), pytest.approx(1.0))

@@ -11,12 +11,14 @@ from demos.flat_rolling import ENTRY, EXIT, RADIUS, Arc, rolling
 
 @pytest.mark.parametrize(("friction", "force", "torque", "neutral"), [(0.1, 833.839, 5170.2, 1.2339),
                                                                       (0.2, 1027.731, 6330.6, 1.5098)])
-def test_force_torque_and_neutral_point_are_those_of_the_slab_theory(friction, force, torque, neutral, tmp_path):
+def test_force_torque_and_neutral_point_are_those_of_the_slab_theory(friction, force, torque, neutral, tmp_path, verified):
     results = ff.simulate(rolling(friction, coarse=True), tmp_path)
     steady = slice(len(results.history) // 2, None)
-    assert results.history.column("force_roll_N_per_mm")[steady].mean() == pytest.approx(force, rel=0.08)
-    assert results.history.column("torque_roll_Nmm")[steady].mean() == pytest.approx(torque, rel=0.08)
-    assert Arc.of(results).neutral == pytest.approx(neutral, abs=0.3)
+    ours = [results.history.column(name)[steady].mean() for name in ("force_roll_N_per_mm", "torque_roll_Nmm")]
+    verified("12.1", f"force, friction {friction:g}", ours[0], force, within=0.08, unit="N/mm")
+    verified("12.1", f"torque, friction {friction:g}", ours[1], torque, within=0.08, unit="N")
+    verified("12.1", f"neutral angle, friction {friction:g}", Arc.of(results).neutral, neutral, within=0.3, unit="deg",
+             absolute=True)
     # the rolls alone give the power: torque times angular speed (1 rad/s) of both
     power = results.summary["ledger"]["power"]["last_mW"]
     assert 2 * power["tools"] == pytest.approx(results.history.column("torque_roll_Nmm")[-1], rel=1e-6)
