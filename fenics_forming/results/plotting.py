@@ -164,7 +164,8 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
     """The pictures of a run in ``folder``, as far as the run has the numbers.
 
     ``force_stroke.png`` and, of the last frame, ``effective_strain.png``, ``mean_stress.png``,
-    ``temperature.png``, ``mesh.png`` and ``von_mises_TOOL.png`` of tools that deform; of tools alone
+    ``temperature.png``, ``contact_pressure.png`` (along the surface of a section), ``mesh.png`` and
+    ``von_mises_TOOL.png`` of tools that deform; of tools alone
     ``load_displacement.png``, ``von_mises.png`` and ``displacement.png``.
 
     Returns
@@ -185,6 +186,11 @@ def plot_run(results, folder: Path | str, *, tools=None) -> list[Path]:
         for field in filter(there.full_name, FIELDS):
             close(plot_fields(results, field, path=folder / f"{field}.png", tools=tools))
             made.append(folder / f"{field}.png")
+        if there.full_name("contact_pressure") and there.points.shape[1] == 2:
+            from .surface import plot_contact_pressure
+
+            close(plot_contact_pressure(results, path=folder / "contact_pressure.png"))
+            made.append(folder / "contact_pressure.png")
         close(plot_fields(results, None, path=folder / "mesh.png", tools=tools))
         made.append(folder / "mesh.png")
     for tool in getattr(results.scene, "tools", ()):

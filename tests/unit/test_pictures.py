@@ -48,6 +48,16 @@ def test_the_pressure_is_drawn_for_one_frame_or_several(smooth, tmp_path):
     assert [t.get_text() for t in several.get_legend().get_texts()] == ["t = 1 s, stroke 1 mm", "t = 2 s, stroke 2 mm"]
 
 
+def test_columns_of_the_history_are_drawn_over_the_stroke_or_else_over_time(smooth):
+    ax = ff.plot_history(smooth, ["volume_error_billet"])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("stroke of upper (mm)", "volume error billet")
+    resting = ff.History()
+    for step in range(3):
+        resting.append({"step": step, "time_s": 0.5 * step, "a_temperature_degC": 20.0 + step, "b_temperature_degC": 20.0})
+    ax = ff.plot_history(ff.Results(None, history=resting), ["a_temperature_degC", "b_temperature_degC"], title="skin")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "skin (°C)") and len(ax.get_legend().get_texts()) == 2
+
+
 def test_the_surface_of_a_quarter_of_a_strip_goes_from_plane_to_plane(tmp_path):
     """In plane strain the curve begins at the first mirror plane (x) and ends at the other one (y)."""
     (curve,) = ff.contact_pressure(upset(tmp_path, geometry="plane_strain"))
