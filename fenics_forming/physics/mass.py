@@ -117,6 +117,10 @@ class Mass:
         """Mass of the body, t (t/mm in plane strain). Collective."""
         return float(total(self.nodes.comm, self.of_points.sum()))
 
+    def total_per_step(self) -> float:
+        """Mass over the interval of the present solve, t/s. Collective."""
+        return self.total() * float(self.per_step.value)
+
     def momentum(self, velocity: np.ndarray) -> np.ndarray:
         """Sum of mass times velocity, (dim,), N s; in axisymmetry only the axial component is a resultant. Collective."""
         return total(self.nodes.comm, np.einsum("cq,cqd->d", self.of_points, self.at_points(velocity)))

@@ -140,7 +140,7 @@ class FlowSolver:
             left = _left(force_change, last_change)
             settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance:
-                before_last, beside = beside, contact.beside_multipliers() if renews else 0.0
+                before_last, beside = beside, contact.gives_way(body.mass.total_per_step()) if renews else 0.0
                 if settings.force_tolerance < beside < 0.5 * before_last:
                     for part in body.contacts:
                         part.augment()

@@ -185,7 +185,7 @@ class Workpiece(Conditions, PointData, FlowResults):
         all_v = self.velocity_dofs.ravel()
         self.owned_velocity_dofs = np.sort(all_v[all_v < self.owned])
 
-    # ------------------------------------------------------------------ views of the solution
+    # ------------------------------------------------------------------ what a solve starts from
 
     def forget_flow(self) -> None:
         """Start from nothing: no velocity, no stress."""

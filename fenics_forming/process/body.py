@@ -138,11 +138,12 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
                 return self.inertia.first_flow(self, time, history)
             self.inertia.begin(self, time, dt)
             tied = None         # inertia says which of all possible flows it is, and rates may jump
+            self._follow_speed(self.speed if self.tool_speed() >= self.speed else 0.0)      # or the body leads
         else:
             if self.workpiece.mass is not None:
                 follow_weight(self)
             tied = max(TIE * dt, LEAST_TIE / max(characteristic_rate, self._mean_rate(characteristic_rate)))
-            self._follow_speed()
+            self._follow_speed(self.speed)
         solve = partial(self.solver.solve, strain=history["effective_strain"], characteristic_rate=characteristic_rate,
                         step=tied, temperature=self.temperature_in(history), touching=NEAR * self.size)
         border = self.solver.border
@@ -169,12 +170,12 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         hardening = max(float(sums[1] / sums[0] - 1.0) / 0.01, 0.0)
         return (1.0 + hardening) * max(self._mean_rate(self.speed / self.height()) / self.speed, 1.0 / self.height())
 
-    def _follow_speed(self) -> None:
+    def _follow_speed(self, speed: float) -> None:
         """Let the flow of the solve before start the next one faster or slower, as the tools have become: on a crank, whose
-        speed changes in every step, that is 4 instead of 20 iterations."""
-        if not self.workpiece.is_cold and self.solved_speed > 0 and self.speed != self.solved_speed:
-            self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= self.speed / self.solved_speed
-        self.solved_speed = self.speed
+        speed changes in every step, that is 4 instead of 20 iterations. ``speed`` of the tools that make it flow, mm/s."""
+        if not self.workpiece.is_cold and self.solved_speed > 0 and speed not in (0.0, self.solved_speed):
+            self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= speed / self.solved_speed
+        self.solved_speed = speed
 
     def _mean_rate(self, characteristic_rate: float) -> float:
         """Effective strain rate of the solve before, 1/s, where the body flows: its mean weighted by itself.

@@ -312,13 +312,17 @@ class RigidContact:
             pressure = np.where(state.active, np.maximum(self.facets.linear_part(state.pressure), 0.0), 0.0)
             state.multiplier = pressure[:, None] * state.normal
 
-    def beside_multipliers(self) -> float:
-        """Share of the force of a tool, greatest of all tools, that the penalty carries beside the multipliers."""
+    def gives_way(self, mass_per_step: float) -> float:
+        """Force that would be mistaken for inertia, relative to that of the tools: what the penalty carries beside the
+        multipliers moves the whole body, of ``mass_per_step`` t/s, at the speed by which it gives way. Collective."""
         sums = self.facets.integral(np.array([[
-            [tool.state.pressure @ self.weights,
+            [tool.state.pressure @ self.weights, tool.state.active @ self.weights,
              np.einsum("pi,pi,p->", tool.state.multiplier, tool.state.normal, self.weights)] for tool in self.tools]]))
-        greatest = np.abs(sums[:, 0]).max(initial=0.0)
-        return float(np.abs(sums[:, 0] - sums[:, 1]).max() / greatest) if greatest > 0 else 0.0
+        force, area, carried = sums.T
+        if not force.max(initial=0.0) > 0:
+            return 0.0
+        beside = np.abs(force - carried).max() / force.max()
+        return float(beside * min(1.0, mass_per_step / (self.coefficient * area.max())))
 
     # ------------------------------------------------------------------ what the tools feel
     def force(self, tool: KnownTool) -> np.ndarray:
