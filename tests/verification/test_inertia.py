@@ -20,6 +20,8 @@ from .motion import ALUMINIUM, COPPER, falling, fast_upsetting, length_and_foot,
 
 DROP = 49.03325     # mm in 0.1 s
 ROUNDING = 1e-12
+NO_INERTIA = {"process": {}, "workpieces": {"block": {
+    "shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 20]}, "material": "steel", "mesh_size": 5, "symmetry": ["z"]}}}
 
 
 # ---------------------------------------------------------------------- free fall, 8.2
@@ -88,6 +90,26 @@ def test_a_fast_die_feels_the_inertia_of_the_flow(geometry):
     """100 m/s: in the end the pressure is 30 to 40 % above that of slow upsetting. 1.5 % in every step from the first."""
     errors, _ = errors_of_fast_upsetting(geometry, 1e5, 40)
     assert np.abs(errors).max() < 0.015
+
+
+def test_the_pressure_of_a_fast_die_falls_from_its_middle_to_its_rim():
+    """p = 100 + 3/8 rho (v/h)² (R² - r²): 114.7188 MPa in the middle at 50 m/s and h = 10 mm, at every contact point."""
+    run = Simulation(fast_upsetting(5e4, 40))
+    run.run()
+    contact = run.body.contact
+    state, r = contact.tools[0].state, contact.points[:, 0]
+    exact = 100 + 3 / 8 * 7.85e-9 * 5e3**2 * (200 - r**2)
+    assert exact.max() > 114 and state.active.sum() >= 8
+    np.testing.assert_allclose(state.pressure[state.active], exact[state.active], rtol=0.005)
+
+
+def test_slow_upsetting_feels_nothing_of_inertia_and_takes_no_more_iterations():
+    """1 mm/s: the inertial pressure is 1e-11 of the flow stress."""
+    slow = [simulate(fast_upsetting(1.0, 10).replaced(**change)) for change in ({}, NO_INERTIA)]
+    forces = [run.history.column("force_die_N")[1:] for run in slow]
+    np.testing.assert_allclose(*forces, rtol=1e-3)
+    iterations = [run.summary["newton_iterations_per_solve"] for run in slow]
+    assert iterations[0] <= iterations[1] + 1
 
 
 def test_pressures_of_fast_upsetting_at_lower_speeds():
