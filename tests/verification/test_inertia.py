@@ -21,7 +21,8 @@ from .motion import ALUMINIUM, COPPER, falling, fast_upsetting, length_and_foot,
 DROP = 49.03325     # mm in 0.1 s
 ROUNDING = 1e-12
 NO_INERTIA = {"process": {}, "workpieces": {"block": {
-    "shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 20]}, "material": "steel", "mesh_size": 5, "symmetry": ["z"]}}}
+    "shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 20]}, "material": "steel", "mesh_size": 5,
+    "symmetry": ["z"]}}}
 
 
 # ---------------------------------------------------------------------- free fall, 8.2
@@ -207,7 +208,7 @@ def read_ring(path, omega, K, step):
 # ---------------------------------------------------------------------- Taylor's rods, 8.4 and 8.5
 @pytest.fixture(scope="module")
 def copper():
-    return simulate(rod(COPPER, 80, 0.8, remesh=True))
+    return simulate(rod(COPPER, 80, 1.0, remesh=True))
 
 
 def test_the_copper_rod_ends_with_the_length_and_the_foot_of_the_reference(copper):
