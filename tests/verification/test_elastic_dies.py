@@ -254,8 +254,8 @@ stroke = "0.08 mm"
 
 
 def test_a_die_in_space_yields_by_the_pressure_over_its_depth(tmp_path):
-    """A block of 10 x 8 mm on a die 20 mm deep: the deflection lies between that of a column of its own section, F l / (E A),
-    and that of one as wide as the die."""
+    """A block of 10 x 8 mm on a die 20 mm deep: the deflection lies between that of a column of its own section,
+    F l / (E A), and that of one as wide as the die."""
     run, heard = forming(tmp_path, text=CUBE)
     row = heard.rows[-1]
     quarter = row["force_upper_N"] / 4
