@@ -121,7 +121,7 @@ class MeshKeeper:
     def _sizes(self, tools, body, labels, fields):
         """Wanted sizes of the elements of a whole body, on one rank."""
         return adapted_sizes(self._scene, tools, body, labels, self._mirrors, self._mesh_size,
-                             strain_rate=fields["rate"], temperature=fields.get("temperature"))
+                             strain_rate=fields["rate"], temperature=fields.get("history.temperature"))
 
 
 def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> Carried:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from .scenes import run
+from .scenes import DEMOS, run
 from .test_ranks import on_ranks, same
 from .test_resume import goes_on, resumed
 
@@ -176,3 +176,16 @@ def test_a_billet_cools_before_and_between_blows_while_the_press_waits(whole, tm
     assert taken[0] == 0 < taken[1], "in the air first, on the lower die then"
     assert rows[-1]["force_upper_N"] > 1.1 * whole.history.rows[-1]["force_upper_N"]
     goes_on(cold, resumed(HOT, tmp_path, "stop.stroke='2 mm'", COOLING))
+
+
+def test_the_scene_of_hot_forging_runs_as_it_stands_to_its_dead_centre(tmp_path):
+    """Crank, weight, Levanov's friction, a constant and a column die, air and radiation together; elements of 5 mm."""
+    text = (DEMOS / "hot_forging.toml").read_text(encoding="utf-8")
+    results = run(text, tmp_path, "workpieces.billet.mesh_size=5", "steps.stroke=2").results
+    assert results.summary["stopped"] == "dead centre reached"
+    last, built = results.history.rows[-1], results.summary["parts_built"]
+    assert last["stroke_upper_mm"] == pytest.approx(25.0, abs=1e-6)
+    exchange = {"heat exchange lower: constant", "heat exchange upper: column", "heat to radiation"}
+    assert exchange | {"term weight"} <= set(built)
+    assert 300 < last["max_temperature_upper_degC"] < 600 and last["max_temperature_degC"] > 1155
+    assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
