@@ -148,7 +148,9 @@ class PowerLedger:
         """
         if body.workpiece.is_cold or body.inertia is not None and body.inertia.is_start:
             return 0.0
-        self.last, self._creeps = body.powers(), body.rams.between_blows
+        self.last = body.powers()
+        stalls = any(tool.drive is not None and tool.drive.stalls for tool in body.tools)
+        self._creeps = stalls or body.rams.between_blows
         given = _given(self.last)
         self.work += dt * abs(self.last["tools"] if body.inertia is None else given)
         self.penalty_work += dt * abs(self.last["penalty"])
@@ -160,8 +162,8 @@ class PowerLedger:
 
     def penalty_shares(self) -> tuple[float, float]:
         """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole; with
-        inertia and at the end of a blow, where the last flow is that of a body that has all but come to rest, on the whole
-        only."""
+        inertia, at the end of a blow and at a force limit, where the last flow is that of a body that has all but come to
+        rest, on the whole only."""
         mean = float(self.penalty_work / self.work) if self.work > 0 else 0.0
         if "inertia" in self.last or self._creeps:
             return mean, mean

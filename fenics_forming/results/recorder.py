@@ -273,6 +273,8 @@ class Recorder:
         terms = [f"term {name}" for name in w.terms]
         heat = [] if self.run.body.heat is None else self.run.body.heat.parts_built()
         heat += [f"tool deformation {d.name}: {d.mode}" for d in self.run.deforming]
+        heat += [f"drive {t.name}: {t.drive.kind}" for t in self.run.body.tools if t.drive is not None and
+                 (t.free is not None or t.name in self.run.body.rams.by_tool)]
         return terms + friction + heat + self.bodies.parts_built() + [f"scheme {self.run.scheme.name}"]
 
     def _cells(self) -> int:
