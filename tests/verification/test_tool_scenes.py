@@ -221,11 +221,11 @@ def test_resumed_run_of_tools_is_the_uninterrupted_one(tmp_path):
 
 
 def test_shrink_fit_holds_until_the_push_is_the_friction_of_its_pressure(tmp_path):
-    """The insert is pushed out of its ring at F = mu N, 1 %: found by cutting load steps back; before it slides nothing is
-    lost to friction but where an end gives way."""
+    """The insert is pushed out of its ring at F = mu N, 0.1 %, found by cutting load steps back; two sides of the mesh on the
+    joint, whose points slip one after the other, some of them the other way at first."""
     parts = rings()["die"]["parts"]
-    parts["insert"] |= {"loads": {"z_high": {"pressure": 100}}, "mesh_size": {"contact": 2.5, "far": 6}}
-    parts["ring"] |= {"held": {"z_low": "z"}, "mesh_size": {"contact": 4, "far": 12}}
+    parts["insert"] |= {"loads": {"z_high": {"pressure": 100}}, "mesh_size": 5}
+    parts["ring"] |= {"held": {"z_low": "z"}, "mesh_size": 7}
     tool = {"die": {"parts": parts}}
     fit = FIT | {"friction": {"law": "coulomb", "coefficient": 0.3}}
     with pytest.raises(ConvergenceError, match="its parts slide"):
@@ -233,7 +233,7 @@ def test_shrink_fit_holds_until_the_push_is_the_friction_of_its_pressure(tmp_pat
     results = ff.Results.read(tmp_path)
     row = results.history.rows[-1]
     push = row["load_factor"] * 100 * np.pi * (40**2 - 20**2)
-    assert push == pytest.approx(0.3 * row["contact_force_insert_ring_N"], rel=1e-2)
+    assert push == pytest.approx(0.3 * row["contact_force_insert_ring_N"], rel=1e-3)
     energy = results.summary["ledger"]["energy"]["die"]
     assert energy["elastic_energy_mJ"] + energy["friction_work_mJ"] == pytest.approx(
         energy["external_work_mJ"] + energy["interference_work_mJ"], rel=1e-3)

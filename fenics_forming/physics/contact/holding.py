@@ -38,12 +38,14 @@ class Hold:
 
 
 def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.ndarray, *, stiffness: np.ndarray,
-         penalty: np.ndarray, slips: np.ndarray | None = None) -> Hold:
+         penalty: np.ndarray, slips: np.ndarray | None = None, creep: float = 0.0) -> Hold:
     """Friction for relative displacements (points, dim), a limit (points,) and its derivative by the pressure.
 
     stiffness : along the surface, penalty : across it, both (points,) N/mm³; s_h is ``state.slip``, lambda
         ``state.friction_stress``
     slips : (points,) which slip and which hold, where that is not to be found
+    creep : part of the stiffness with which points that slip resist in the tangent, not in the traction: an iteration that
+        would let everything slip at once then goes a small way
     """
     n = state.normal
     projector = np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :]
@@ -54,6 +56,8 @@ def hold(state: PointState, relative: np.ndarray, limit: np.ndarray, rise: np.nd
     share = np.divide(limit, length, out=np.ones_like(length), where=slips & (length > 0))
     direction = np.divide(trial, length[:, None], out=np.zeros_like(trial), where=(slips & (length > 0))[:, None])
     tangent = (stiffness * share)[:, None, None] * (projector - direction[:, :, None] * direction[:, None, :])
+    if creep > 0:
+        tangent += (creep * stiffness * slips)[:, None, None] * projector
     tangent += (np.where(slips, rise, 0.0) * penalty)[:, None, None] * direction[:, :, None] * n[:, None, :]
     closed = state.active.astype(float)
     return Hold((closed * share)[:, None] * trial, closed[:, None, None] * tangent, along, slips)

@@ -27,6 +27,7 @@ class PartContactField(BodyContact):
     """
 
     friction_work = interference_work = 0.0
+    creep = 0.0         # see `holding.hold`
 
     def begin(self) -> None:
         """Nothing has been carried yet, whatever overlap the parts have. Collective."""
@@ -59,7 +60,7 @@ class PartContactField(BodyContact):
             if closed is not None:
                 limit = np.where(closed & ~self._hold.slips, UNLIMITED, limit)      # what touches holds in the first guess
             self._hold = hold(state, relative, limit, rise, stiffness=self.coefficient, penalty=self.coefficient,
-                              slips=self._hold.slips if same else None)
+                              slips=self._hold.slips if same else None, creep=self.creep)
             self.traction = self.traction + self._hold.traction
             self._tangent = self._tangent + self._hold.tangent
 

@@ -28,6 +28,8 @@ from .plastic import PlasticSolver, ToolSettings
 TOUCHING = 1e-3     # of the smallest side: parts with no wider gap hold each other in the first iteration, others where the
                     # gap is least: nothing else may hold them
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
+CREEP = 0.01        # of the stiffness, in the tangent of points that slip, once a step has failed: see `holding.hold`
+CREEP_ITERATIONS = 3    # times the usual ones, which it then takes
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
 
@@ -120,6 +122,7 @@ class AssembledSolver(PlasticSolver):
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
+        self._let_creep(0.0)
         spent = super().solve(loads, held=held, steps=steps)
         for _ in range(self.augmentations):
             if self.relative_penetration() <= self.penetration:
@@ -245,7 +248,19 @@ class AssembledSolver(PlasticSolver):
 
     def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:
         self._target, self._increments = target, 0
-        return super()._equilibrate(target, held, heat)
+        try:
+            return super()._equilibrate(target, held, heat)
+        except ConvergenceError:
+            self._let_creep(CREEP)
+            raise
+
+    @property
+    def _most_iterations(self) -> int:
+        return (CREEP_ITERATIONS if any(contact.creep for contact in self.contacts) else 1) * self.settings.max_iterations
+
+    def _let_creep(self, part: float) -> None:
+        for contact in self.contacts:
+            contact.creep = part
 
     def _tangent_increment(self) -> None:
         """The increment by the tangent; from the fourth on halved while it makes the imbalance worse."""

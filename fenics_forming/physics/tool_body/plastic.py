@@ -133,6 +133,10 @@ class PlasticSolver:
         return ConvergenceError(f"the tool carries {100 * self.reached:.1f} % of the step to its new loads, no more",
                                 history=history, advice=self._advice())
 
+    @property
+    def _most_iterations(self) -> int:
+        return self.settings.max_iterations
+
     def _advice(self) -> str:
         return "it yields as a whole: try smaller loads, hardening, or a higher yield stress"
 
@@ -157,7 +161,7 @@ class PlasticSolver:
         self._heat(heat)
         self._elastic_increment(target)
         usual = 0.0
-        for iteration in range(1, self.settings.max_iterations + 1):
+        for iteration in range(1, self._most_iterations + 1):
             flowing = self._respond()
             imbalance = self._imbalance(target)
             if iteration == 1:
@@ -170,7 +174,7 @@ class PlasticSolver:
                 self._tangent_increment()
             else:
                 self._elastic_increment(target)
-        raise ConvergenceError(f"after {self.settings.max_iterations} iterations the forces do not balance by "
+        raise ConvergenceError(f"after {self._most_iterations} iterations the forces do not balance by "
                                f"{imbalance / usual:.1e}")
 
     def _heat(self, part: float) -> None:
