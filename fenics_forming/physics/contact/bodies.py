@@ -19,7 +19,7 @@ of ranks does not matter.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from petsc4py import PETSc
@@ -63,7 +63,8 @@ class BodyContact:
     ----------
     state : `CarrierState` · weights : (carriers,) mm², the surface of each that is over the other body
     point_gap, point_weights : (points,) gaps that the points see, mm, and their surfaces, mm²
-    seconds : spent on search, operator, law, forces and tangent
+    unknowns : (nodes, dim) global numbers of the unknowns of both surfaces, on all ranks
+    seconds : CPU time spent on search, operator, law, forces and tangent
     """
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, slave: np.ndarray, master: np.ndarray, *, dofs: np.ndarray,
@@ -89,7 +90,7 @@ class BodyContact:
         self.silence()
         self.G = self._K = self._inner = self._traces = None
         unknowns = np.concatenate([_everywhere(nodes.comm, dofs[self.points.sides]), self._columns]).reshape(-1, self.dim)
-        self._unknowns = unknowns[np.unique(unknowns[:, 0], return_index=True)[1]]
+        self.unknowns = unknowns[np.unique(unknowns[:, 0], return_index=True)[1]]
 
     # ------------------------------------------------------------------ pairing
     def search(self, x: np.ndarray, dt: float, reach: float = np.inf, soon: float = np.inf, fade: float = 1.0) -> None:
@@ -99,11 +100,11 @@ class BodyContact:
         soon, fade : mm; points with a gap beyond ``soon`` count the less in their carriers the wider it is, a quarter where
             it is wider by ``fade``: they press nothing yet, and must not hide what others overlap
         """
-        start = perf_counter()
+        start = process_time()
         self.dt = dt
         at = self.points.trace(x)
         surface = CapturingSurface(_everywhere(self.nodes.comm, x[self._master]), self._numbers)
-        self._found = found = surface.capture(at)
+        self._found = found = surface.capture(at, reach + self.interference)
         self.point_weights, outward = self.points.surface(x)
         facing = np.einsum("pi,pi->p", outward, found.normal) < FACING
         gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
@@ -113,7 +114,7 @@ class BodyContact:
         self._counted = np.where(self._near, self.point_weights / (1.0 + beyond**2) ** 2, 0.0)
         self._normals = self.points.corner_normals(x)
         self._carry()
-        self.seconds += perf_counter() - start
+        self.seconds += process_time() - start
 
     def sharpen(self, flags: np.ndarray) -> None:
         """Make edges of the slave sharp that were so in an earlier run (``Carriers.sharp_edges``). Collective."""
@@ -129,13 +130,19 @@ class BodyContact:
     def pairs(self) -> np.ndarray:
         """What may press on one another, each pair as one number: a carrier, by its first corner, and a side of the master,
         or of the slave itself whose nodes it moves."""
-        near = np.flatnonzero(self._near)
-        side = near // self.points.per_side
+        near, side, point, corner = self._counting()
         masters = len(self._columns)
-        first = self.carriers.first_corner[self.carriers.own[side]] * np.int64(masters + self.carriers.corners)
+        carrier = self.carriers.own[side[point], corner]
+        first = self.carriers.first_corner[carrier] * np.int64(masters + self.carriers.corners)
         of_slave = masters + self.carriers.own_sides[side]
-        return np.unique(np.concatenate([(first + self._found.facet[near][:, None]).ravel(),
-                                         (first + of_slave[:, None]).ravel()]))
+        return np.unique(np.concatenate([first + self._found.facet[near][point], first + of_slave[point]]))
+
+    def _counting(self) -> tuple[np.ndarray, ...]:
+        """The points that meet something (p,), their sides (p,), which of them (m,) count in which corners (m,) of
+        their sides."""
+        near = np.flatnonzero(self._near)
+        side, place = np.divmod(near, self.points.per_side)
+        return near, side, *np.nonzero(self.points.basis[place] > 0)
 
     def _follow_groups(self) -> None:
         """The state of carriers that are made of other corners than before: the mean of the corners. Collective."""
@@ -151,8 +158,9 @@ class BodyContact:
 
     def _build(self) -> None:
         """Surface, gap, normal and gap operator of the carriers; rows of those over nothing are empty. Collective."""
-        dim, near, carriers, state = self.dim, np.flatnonzero(self._near), self.carriers, self.state
-        side, facet = near // self.points.per_side, self._found.facet[near]
+        dim, carriers, state = self.dim, self.carriers, self.state
+        near, side, point, corner = self._counting()
+        facet = self._found.facet[near]
         self._share = self._counted[:, None] * np.tile(self.points.basis, (len(self.points.sides), 1))
         self._keep_one_face()
         sums = self._sums(np.column_stack([np.ones(len(self._near)), np.where(self._near, self.point_gap, 0.0),
@@ -161,14 +169,11 @@ class BodyContact:
         over = (weight > 0) & (length > 0)
         mean = sums[:, 1:] / np.where(over, weight, 1.0)[:, None]
         normal = np.where(over[:, None], sums[:, 2:] / np.where(over, length, 1.0)[:, None], np.eye(dim)[-1])
-        of_point = carriers.own[side]
-        share = self._share[near] * np.where(over, 1.0 / np.where(over, weight, 1.0), 0.0)[of_point]
-        ends = normal[of_point]
-        turn = turning(np.broadcast_to(self._found.normal[near][:, None], ends.shape).reshape(-1, dim),
-                       ends.reshape(-1, dim)).reshape(*of_point.shape, dim, dim)
-        back = np.zeros((carriers.total, dim, dim))
-        np.add.at(back, of_point, share[..., None, None] * np.swapaxes(turn, 2, 3))
-        self._back = carriers.mine(total(self.nodes.comm, back))
+        carrier = carriers.own[side[point], corner]
+        share = self._share[near[point], corner] * np.where(over, 1.0 / np.where(over, weight, 1.0), 0.0)[carrier]
+        turn = turning(self._found.normal[near[point]], normal[carrier])
+        back = [np.bincount(carrier, share * turn[:, j, i], carriers.total) for i in range(dim) for j in range(dim)]
+        self._back = carriers.mine(total(self.nodes.comm, np.stack(back, axis=1))).reshape(-1, dim, dim)
         self.weights = carriers.mine(np.where(over, weight, 0.0))
         state.gap, state.normal = carriers.mine(np.where(over, mean[:, 0], np.inf)), carriers.mine(normal)
         for old in (self.G, self._K, self._inner):
@@ -177,8 +182,8 @@ class BodyContact:
         self._K = self._inner = self._traces = None
         shape = self.points.shape[near % self.points.per_side]
         own = self.points.sides[side]
-        self.G = gap_operator(self.nodes.comm, carriers, self._owned, of_point=of_point, share=share, turn=turn,
-                              shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
+        self.G = gap_operator(self.nodes.comm, carriers, self._owned, point=point, carrier=carrier, share=share,
+                              turn=turn, shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
                               dofs=np.concatenate([self._dofs[own], self._columns[facet]], axis=1),
                               free=np.concatenate([self._free[own], self._free_master[facet]], axis=1))
 
@@ -217,7 +222,7 @@ class BodyContact:
         flow_stress : (carriers,) for friction that is limited by it; touching : gap below which every carrier is closed;
         again : in the same solve, where carriers that open and close must calm down
         """
-        start = perf_counter()
+        start = process_time()
         state, relative, before = self.state, self.relative(unknowns), self.state.active
         closed = None if touching is None else state.gap <= touching
         law.normal_pressure(state, relative, self.coefficient, self.dt, closed)
@@ -230,7 +235,7 @@ class BodyContact:
             along, along_tangent = law.friction_response(state, limit, self.slip0)
             traction, tangent = traction + along, tangent + along_tangent
         self.traction, self._tangent, self._guessed = traction, tangent, touching is not None
-        self.seconds += perf_counter() - start
+        self.seconds += process_time() - start
 
     @property
     def has_friction(self) -> bool:
@@ -264,11 +269,11 @@ class BodyContact:
     # ------------------------------------------------------------------ what goes into the system
     def forces(self) -> PETSc.Vec:
         """Nodal forces of the contact on both bodies, G^T w t. Collective."""
-        start = perf_counter()
+        start = process_time()
         load, out = self.G.createVecLeft(), self.G.createVecRight()
         load.array[:] = (self.weights[:, None] * self.traction).ravel()
         self.G.multTranspose(load, out)
-        self.seconds += perf_counter() - start
+        self.seconds += process_time() - start
         return out
 
     def weighted_tangent(self) -> np.ndarray:
@@ -277,7 +282,7 @@ class BodyContact:
 
     def tangent(self) -> PETSc.Mat:
         """G^T w (-dt/ds) G; the matrix is that of the last call until the next search. Collective."""
-        start = perf_counter()
+        start = process_time()
         dim, count = self.dim, self.carriers.count
         index = PETSc.IntType
         first = self.G.getOwnershipRange()[0]
@@ -292,18 +297,18 @@ class BodyContact:
             self._inner.setValuesCSR(rows, columns, values)
             self._inner.assemble()
             self._inner.PtAP(self.G, result=self._K)
-        self.seconds += perf_counter() - start
+        self.seconds += process_time() - start
         return self._K
 
     def diagonal(self) -> tuple[np.ndarray, np.ndarray]:
         """The blocks on the diagonal of the tangent, without the tangent: global number of the first unknown of each node
         of both surfaces (n,), and blocks (n, dim, dim), the same on all ranks. Collective."""
-        start = perf_counter()
+        start = process_time()
         if self._traces is None:
-            self._traces = NodeTraces(self.G, self._unknowns)
+            self._traces = NodeTraces(self.G, self.unknowns)
         blocks = total(self.nodes.comm, self._traces.diagonal(self.weighted_tangent()))
-        self.seconds += perf_counter() - start
-        return self._unknowns[:, 0], blocks
+        self.seconds += process_time() - start
+        return self.unknowns[:, 0], blocks
 
     # ------------------------------------------------------------------ what the bodies feel
     def force(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from .bvh import build, nearest_triangles
 
 PIECES = 4          # flat pieces along the edge of a facet, for the search
 STEPS = 12          # of Gauss-Newton for the foot of the perpendicular; the distance is small against the curvature
+SLACK = 0.25        # of the size of a facet: flat pieces are nearer to a point than the facet itself, by less than that
 SETTLED = 1e-13     # of a barycentric coordinate: where no foot moves any more, no step is needed
 OVERHANG = 1e-6     # of the size of a facet: a point that reaches farther over the rim of the surface is not over it
 
@@ -53,10 +54,24 @@ class CapturingSurface:
         edges = nodes[:, 1: self.dim] - nodes[:, :1]
         self._size = np.linalg.norm(edges, axis=2).max(axis=1)
 
-    def capture(self, points: np.ndarray) -> Captured:
-        """Sides and feet for points (k, dim), mm."""
-        piece, _, _ = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)))
+    def capture(self, points: np.ndarray, reach: float = np.inf) -> Captured:
+        """Sides and feet for points (k, dim), mm; what is farther off than ``reach``, mm, is over nothing."""
+        piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)))
         facet, part = np.divmod(piece, len(self._pieces))
+        distance = np.linalg.norm(closest[:, : self.dim] - points, axis=1)
+        chosen = np.flatnonzero(distance <= reach + SLACK * self._size[facet])
+        found = self._feet(points[chosen], facet[chosen], part[chosen])
+        if len(chosen) == len(points):
+            return found
+        count, shapes = len(points), np.zeros((len(points), self._nodes.shape[1]))
+        out = Captured(facet, shapes, np.full(count, np.inf), np.zeros((count, self.dim)), np.zeros(count, bool))
+        out.shapes[:, 0] = 1.0
+        for all_of_them, those in zip(vars(out).values(), vars(found).values(), strict=True):
+            all_of_them[chosen] = those
+        return out
+
+    def _feet(self, points: np.ndarray, facet: np.ndarray, part: np.ndarray) -> Captured:
+        """Where points (k, dim) lie over given sides, of which a piece is nearest."""
         p = self._nodes[facet]
         inner = self._lattice[self._pieces[part]].mean(axis=1)
         for _ in range(STEPS):

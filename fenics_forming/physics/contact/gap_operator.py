@@ -9,43 +9,48 @@ from scipy import sparse
 from .carriers import Carriers
 
 
-def gap_operator(comm, carriers: Carriers, owned: int, *, of_point: np.ndarray, share: np.ndarray, turn: np.ndarray,
-                 shapes: np.ndarray, dofs: np.ndarray, free: np.ndarray) -> PETSc.Mat:
+def gap_operator(comm, carriers: Carriers, owned: int, *, point: np.ndarray, carrier: np.ndarray, share: np.ndarray,
+                 turn: np.ndarray, shapes: np.ndarray, dofs: np.ndarray, free: np.ndarray) -> PETSc.Mat:
     """The gap operator, (carriers of this rank · dim) x unknowns. Collective.
 
     Parameters
     ----------
     owned : unknowns of this rank
-    of_point, share : (p, k) carriers of every point and what it counts for in each · turn : (p, k, dim, dim)
-    shapes : (p, n) shape functions of the slave, and those of the master taken negative
+    point, carrier, share : (m,) points and the carriers in which they count, and how much · turn : (m, dim, dim)
+    shapes : (p, n) at the points the shape functions of the slave, and those of the master taken negative
     dofs, free : (p, n, dim) global unknowns of their nodes, and 0 where one is given
     """
     points, dim = len(shapes), dofs.shape[2]
     _, one, node = np.unique(dofs[..., 0], return_index=True, return_inverse=True)
-    dof_of, free_of = dofs.reshape(-1, dim)[one], free.reshape(-1, dim)[one]
-    at = np.arange(points)
-    at_nodes = np.repeat(at, shapes.shape[1]), node.ravel()
-    at_carriers = of_point.ravel(), np.repeat(at, share.shape[1])
+    dof_of, free_of = dofs.reshape(-1, dim)[one].ravel(), free.reshape(-1, dim)[one].ravel()
+    at_nodes = np.repeat(np.arange(points), shapes.shape[1]), node.ravel()
     trace = lambda values: sparse.csr_matrix((values.ravel(), at_nodes), (points, len(one)))  # noqa: E731
-    mean = lambda values: sparse.csr_matrix((values.ravel(), at_carriers), (carriers.total, points))  # noqa: E731
+    mean = lambda values: sparse.csr_matrix((values, (carrier, point)), (carriers.total, points))  # noqa: E731
     traces = trace(shapes)
     # a product leaves out what happens to be zero; the pattern must be that of the pairs alone
     place = (mean(np.ones_like(share)) @ trace(np.ones_like(shapes))).tocoo()
+    flat = bool(np.abs(turn - np.eye(dim)).max(initial=0.0) < 1e-14)
+    alike = (mean(share) @ traces).tocoo() if flat else None        # for every axis
     rows, columns, values = [], [], []
     for i in range(dim):
         rows.append(place.row * dim + i)
-        columns.append(dof_of[place.col, i])
+        columns.append(place.col * dim + i)
         values.append(np.zeros(place.nnz))
         for j in range(dim):
-            if i != j and not turn[:, :, i, j].any():
+            if i != j and (flat or not turn[:, i, j].any()):
                 continue
-            found = (mean(share * turn[:, :, i, j]) @ traces).tocoo()
+            found = alike if flat else (mean(share * turn[:, i, j]) @ traces).tocoo()
             rows.append(found.row * dim + i)
-            columns.append(dof_of[found.col, j])
-            values.append(found.data * free_of[found.col, j])
-    rows, columns, values = _kept(comm, carriers, dim, *(np.concatenate(a) for a in (rows, columns, values)))
-    unknown, column = np.unique(columns, return_inverse=True)
-    matrix = sparse.coo_matrix((values, (rows, column.ravel())), (carriers.count * dim, len(unknown))).tocsr()
+            columns.append(found.col * dim + j)
+            values.append(found.data * free_of[columns[-1]])
+    rows, columns, values = (np.concatenate(a) for a in (rows, columns, values))
+    first, last = carriers.first * dim, (carriers.first + carriers.count) * dim
+    mine = (rows >= first) & (rows < last)
+    foreign = _from_others(comm, first, last, (rows[~mine], dof_of[columns[~mine]], values[~mine]))
+    unknown = np.unique(np.concatenate([dof_of, foreign[1]]))
+    rows, values = np.concatenate([rows[mine], foreign[0]]) - first, np.concatenate([values[mine], foreign[2]])
+    columns = np.concatenate([np.searchsorted(unknown, dof_of)[columns[mine]], np.searchsorted(unknown, foreign[1])])
+    matrix = sparse.coo_matrix((values, (rows, columns)), (carriers.count * dim, len(unknown))).tocsr()
     matrix.sort_indices()
     index = PETSc.IntType
     return PETSc.Mat().createAIJ(
@@ -83,14 +88,8 @@ class NodeTraces:
         return blocks
 
 
-def _kept(comm, carriers: Carriers, dim: int, rows, columns, values):
-    """The entries of this rank's carriers, from all ranks, with rows counted from its first. Collective."""
-    first, last = carriers.first * dim, (carriers.first + carriers.count) * dim
-    if comm.size > 1:
-        mine = (rows >= first) & (rows < last)
-        foreign = [np.concatenate(parts) for parts in zip(*comm.allgather((rows[~mine], columns[~mine], values[~mine])),
-                                                          strict=True)]
-        chosen = (foreign[0] >= first) & (foreign[0] < last)
-        rows, columns, values = (np.concatenate([own[mine], other[chosen]])
-                                 for own, other in zip((rows, columns, values), foreign, strict=True))
-    return rows - first, columns, values
+def _from_others(comm, first: int, last: int, entries) -> tuple[np.ndarray, ...]:
+    """Of entries (rows, columns, values) that ranks have found for rows of others, those for this one's. Collective."""
+    every = [np.concatenate(parts) for parts in zip(*comm.allgather(entries), strict=True)]
+    chosen = (every[0] >= first) & (every[0] < last)
+    return tuple(part[chosen] for part in every)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from petsc4py import PETSc
@@ -87,19 +87,19 @@ class Interfaces:
 
     def merged(self, bulk: PETSc.Mat) -> PETSc.Mat:
         """A matrix that holds ``bulk`` and all present pairs. Collective."""
-        start, inside = perf_counter(), sum(contact.seconds for contact in self.contacts)
+        start, inside = process_time(), sum(contact.seconds for contact in self.contacts)
         out = bulk.copy()
         for k, contact in enumerate(self.contacts):
             contact.silence()
             out.axpy(1.0, contact.tangent(), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             self._known[k] = contact.pairs()
         self.has_new_pairs = False
-        self._merging += perf_counter() - start - sum(contact.seconds for contact in self.contacts) + inside
+        self._merging += process_time() - start - sum(contact.seconds for contact in self.contacts) + inside
         return out
 
     @property
     def seconds(self) -> float:
-        """Spent on contact between bodies: search, operator, law, forces, tangents, and what they add to the matrix."""
+        """CPU time of contact between bodies: search, operator, law, forces, tangents, and what they add to the matrix."""
         return self._merging + sum(contact.seconds for contact in self.contacts)
 
     # ------------------------------------------------------------------ response, as of contact with tools
@@ -153,9 +153,9 @@ class Interfaces:
     def add_tangent(self, matrix: PETSc.Mat) -> None:
         """Add the tangents of the contacts to a matrix that holds all pairs. Collective."""
         for contact in self.contacts:
-            tangent, start = contact.tangent(), perf_counter()
+            tangent, start = contact.tangent(), process_time()
             matrix.axpy(1.0, tangent, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-            self._merging += perf_counter() - start
+            self._merging += process_time() - start
 
     # ------------------------------------------------------------------ what the bodies feel
     def forces(self) -> np.ndarray:

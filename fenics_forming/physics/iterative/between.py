@@ -28,6 +28,10 @@ class BetweenBodies:
         self._node_of = np.full(workpiece.owned, -1)
         for axis in range(3):
             self._node_of[self._own[:, axis]] = np.arange(nodes.owned)
+        local = np.concatenate([contact.unknowns[:, 0] for contact in interfaces.contacts]) - self._first()
+        near = self._node_of[local[(local >= 0) & (local < workpiece.owned)]]
+        self._near = np.unique(near)        # nodes of the surfaces that contacts may move, of this rank
+        self._weighted: list[np.ndarray] = []
         self._linear = self._prolongation(workpiece, everywhere)
 
     def _prolongation(self, workpiece: Workpiece, everywhere: Everywhere) -> PETSc.Mat:
@@ -53,17 +57,18 @@ class BetweenBodies:
 
     def add_product(self, x: np.ndarray, y: np.ndarray) -> None:
         """Add the product with velocities x (nodes, 3) to the owners' rows of y. Collective."""
-        self._x.array[self._own] = x[: self._nodes.owned]
-        for contact in self._interfaces.contacts:
+        near, dofs = self._near, self._own[self._near]
+        self._x.array[dofs] = x[near]
+        for contact, weighted in zip(self._interfaces.contacts, self._weighted, strict=True):
             at_points = contact.G.createVecLeft()
             contact.G.mult(self._x, at_points)
-            relative = at_points.array.reshape(-1, 3)
-            at_points.array[:] = np.einsum("pij,pj->pi", contact.weighted_tangent(), relative).ravel()
+            at_points.array[:] = np.matmul(weighted, at_points.array.reshape(-1, 3, 1)).ravel()
             contact.G.multTranspose(at_points, self._y)
-            y[: self._nodes.owned] += self._y.array[self._own]
+            y[near] += self._y.array[dofs]
 
     def add_diagonal(self, blocks: np.ndarray) -> None:
         """Add the blocks of the diagonal to the owners' of ``blocks`` (nodes, 9). Collective."""
+        self._weighted = [contact.weighted_tangent() for contact in self._interfaces.contacts]
         for contact in self._interfaces.contacts:
             dofs, found = contact.diagonal()
             local = dofs - self._first()
