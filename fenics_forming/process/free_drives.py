@@ -8,7 +8,8 @@ from ..laws import Drive, RollDrive, SpringDrive
 from ..physics.contact.free_motions import FreeMotions, RigidMotions
 from ..scene import Scene, copies
 
-STANDS = 2e-3    # of the given speed: slower, and the press counts as held back
+HELD_BACK = 1e-2 # of the given speed: slower, and the press counts as held back; what it creeps on is the regularisation
+STANDS = 2e-3    # of the given speed: what a tool counts to have at least
 STIFF = 1e9      # of the force limit over the speed: resistance of a press below its limit
 
 
@@ -144,7 +145,7 @@ class LimitedForce(RigidMotions):
     def stands_still(self) -> bool:
         """Whether the force limit holds the press back altogether."""
         given = self._given_speed
-        return self.yields and self.now >= self._drive.last_change and given + self.rate[0] < STANDS * given
+        return self.yields and self.now >= self._drive.last_change and given + self.rate[0] < HELD_BACK * given
 
     def memory(self):
         return super().memory() | {"yields": self.yields}

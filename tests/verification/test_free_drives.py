@@ -35,7 +35,7 @@ def test_a_press_with_a_force_limit_comes_to_rest_where_the_body_resists_as_much
     results = ff.simulate(cylinder(PRESS | {"force": limit}, stress=HARDENING, step=0.25, stop={"stroke": 15.0}))
     assert "force limit" in results.summary["stopped"]
     force, stroke = results.history.column("force_ram_N"), results.history.column("stroke_ram_mm")
-    assert force.max() == pytest.approx(limit, rel=1e-3), "stands still a little below it, at 2e-3 of its speed"
+    assert force.max() == pytest.approx(limit, rel=1e-3), "held back a little below it, at 1 % of its speed"
     assert height(results) == pytest.approx(height_at(force[-1]), rel=5e-3)
     assert 20 - height(results) == pytest.approx(stroke[-1], abs=1e-3), "the stroke is that of the tool"
     speed = np.diff(stroke) / np.diff(results.history.column("time_s"))
