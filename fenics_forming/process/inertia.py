@@ -53,7 +53,8 @@ class Inertia:
     Attributes
     ----------
     now, before : the last solve, and the one from whose velocity it started
-    is_start : whether the last flow is that of the start, whose loads are not defined
+    is_start : whether the last flow is that of the start, or of a tool that starts at a body at rest, whose loads are not
+        defined
     """
 
     def __init__(self, mass: Mass, velocity: np.ndarray, free: np.ndarray):
@@ -103,11 +104,11 @@ class Inertia:
 
     def begin(self, body, time: float, dt: float) -> None:
         """Make ready for the solve of ``body`` at ``time``; ``dt`` is the step that it belongs to, s."""
-        if self.now is None:
-            self.before = Moment(time - BLOW * dt, self.before.velocity)
-        elif time - self.now.time > 1e-9 * dt:
+        if self.now is not None and time - self.now.time > 1e-9 * dt:
             self.before, self.is_start, self._speed_before = self.now, False, self._speed
             self._settled, self._last = self._settled + self._last, self._last.nothing()
+        elif self.now is None or time - self.before.time < 1e-9 * dt:      # no time has passed: a blow
+            self.before, self.is_start = Moment(time - BLOW * dt, self.velocity), True
         self.mass.start_from(self.before.velocity, time - self.before.time)
         if self.now is None and body.workpiece.is_cold:
             body.workpiece.set_start(self.before.velocity, np.zeros(body.nodes.count))

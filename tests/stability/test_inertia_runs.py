@@ -111,9 +111,37 @@ def test_mass_and_momentum_survive_a_new_mesh(rod):
     assert abs(ledger["energy"]["mJ"]["remeshing"]) < 0.03 * ledger["energy"]["mJ"]["start"]
 
 
-def test_without_inertia_nothing_of_it_is_recorded(rod):
-    results = simulate(read_scene(rod.parents[0] / "rod.toml", set=[
-        "process={}", "workpieces.rod.initial_velocity=[0, 0]", "steps.time='1 ms'", "stop.time='1 ms'",
-        "process.inertia=true"]))
-    assert "kinetic_energy_mJ" in results.history.columns
-    assert np.all(results.history.column("kinetic_energy_mJ") == 0.0), "a body at rest stays at rest"
+WAITING = """
+geometry = "axisymmetric"
+process = { inertia = true }
+[materials.steel]
+flow_stress = { law = "constant", value = 100 }
+density = "7850 kg/m^3"
+[workpieces.billet]
+shape = { kind = "rectangle", from = [0, 0], to = [10, 10] }
+symmetry = ["z"]
+material = "steel"
+mesh_size = 5
+remesh = { every = 2 }
+[tools.punch]
+shape = { kind = "plane", point = [0, 10], normal = [0, -1] }
+drive = { kind = "table", direction = [0, -1], times = [0, 0.002, 0.006], displacement = [0, 0, 0.8] }
+[steps]
+time = "1 ms"
+[stop]
+time = "6 ms"
+"""
+
+
+def test_a_tool_that_starts_at_a_body_at_rest_gives_it_a_blow(tmp_path):
+    """No time passes while it starts: the force of that instant is not recorded, what it takes of the energy is."""
+    (tmp_path / "waiting.toml").write_text(WAITING, encoding="utf-8")
+    results = simulate(read_scene(tmp_path / "waiting.toml"))
+    kinetic, force = (results.history.column(name) for name in ("kinetic_energy_mJ", "force_punch_N"))
+    assert np.all(kinetic[:3] == 0.0) and np.all(force[:3] == 0.0), "a body at rest stays at rest"
+    rows = results.history.rows
+    area = [volume / 2 / (10 - row["stroke_punch_mm"]) for row in rows[3:] for volume in [row["volume_billet_mm3"]]]
+    np.testing.assert_allclose(force[3:], 100 * np.array(area), rtol=2e-3)
+    ledger = results.summary["ledger"]["energy"]
+    assert results.summary["remeshings"] > 0 and ledger["worst_relative_imbalance"] < 1e-4
+    assert 0 < ledger["mJ"]["first impact"] < 1e-4 * ledger["mJ"]["tools"]
