@@ -28,7 +28,7 @@ from .plastic import PlasticSolver, ToolSettings
 TOUCHING = 1e-3     # of the smallest side: parts with no wider gap hold each other in the first iteration, others where the
                     # gap is least: nothing else may hold them
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
-CREEP = 0.01        # of the stiffness, in the tangent of points that slip, once a step has failed: see `holding.hold`
+CREEP = 0.01        # of the stiffness, in the tangent of points that slip, in the second try of a step: see `holding.hold`
 CREEP_ITERATIONS = 3    # times the usual ones, which it then takes
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
@@ -122,7 +122,6 @@ class AssembledSolver(PlasticSolver):
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
-        self._let_creep(0.0)
         spent = super().solve(loads, held=held, steps=steps)
         for _ in range(self.augmentations):
             if self.relative_penetration() <= self.penetration:
@@ -251,8 +250,15 @@ class AssembledSolver(PlasticSolver):
         try:
             return super()._equilibrate(target, held, heat)
         except ConvergenceError:
-            self._let_creep(CREEP)
-            raise
+            if not self._friction:
+                raise
+        self._take_back()
+        self._increments = 0
+        self._let_creep(CREEP)
+        try:
+            return super()._equilibrate(target, held, heat)
+        finally:
+            self._let_creep(0.0)
 
     @property
     def _most_iterations(self) -> int:
