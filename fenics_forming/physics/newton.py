@@ -215,7 +215,7 @@ class FlowSolver:
         """Contact tractions at the present velocities; the resultant forces, (tools and pairs of bodies, k)."""
         body, settings = self.workpiece, self.settings
         for part in body.contacts:
-            part.respond(body.velocity, flow_stress=self._sigma_nodes, again=True,
+            part.respond(body.velocity, flow_stress=self._sigma_nodes, again=iteration > 1 or self.border is None,
                          slip0=body.contact.slip0 * ratio / settings.regularisation)
         return self._resultants()
 
