@@ -134,21 +134,20 @@ def picture(runs: dict[str, ff.Results], strips: dict[str, Strip], path: Path) -
     """Thickness in every mode, pressure on the die, and what the die bears."""
     figure, axes = plt.subplots(1, 3, figsize=(15.5, 4.6), layout="constrained", width_ratios=[1.15, 1, 1.1])
     x, h, p = slab(strips["iterated"])
-    styles = {"stress_only": (":", "0.45"), "separate": ("-.", "C3"), "coupled": ("--", "C1"), "iterated": ("-", "C0")}
-    for mode, strip in strips.items():
-        line, colour = styles[mode]
-        axes[0].plot(strip.x, strip.thickness, line, color=colour, lw=1.8, label=mode.replace("_", " "))
+    styles = {"separate": ("-.", "C3"), "iterated": ("-", "C0"), "coupled": ("--", "C1"), "stress_only": (":", "0.45")}
+    for mode, (line, colour) in styles.items():
+        axes[0].plot(strips[mode].x, strips[mode].thickness, line, color=colour, lw=1.8, label=mode.replace("_", " "))
     axes[0].plot(x, h, color="k", lw=0.9, dashes=(1, 2), label="slab theory")
     axes[0].set(xlabel="from the middle of the strip (mm)", ylabel="thickness (mm)", xlim=(0, None),
                 title="what the strip gets")
-    axes[0].legend(frameon=False, fontsize="small")
+    axes[0].legend(frameon=False, fontsize="small", loc="center left")
     axes[1].plot(strips["iterated"].x, strips["iterated"].pressure, color="C0", lw=1.8, label="iterated")
     axes[1].plot(x, p, color="k", lw=0.9, dashes=(1, 2), label="slab theory")
     axes[1].set(xlabel="from the middle of the strip (mm)", ylabel="pressure (MPa)", xlim=(0, None), ylim=(0, None),
                 title="friction hill")
     axes[1].legend(frameon=False, fontsize="small")
     ff.plot_fields(runs["iterated"], "von_mises", tool="upper", ax=axes[2], mesh=False)
-    axes[2].set(xlim=(-32, 32), ylim=(-1, 42), title="stress in the upper die")
+    axes[2].set(xlim=(-32, 32), ylim=(3, 42), title="stress in the upper die, its dent magnified")
     figure.savefig(path, dpi=85, bbox_inches="tight", pad_inches=0.1)
     plt.close(figure)
 

@@ -13,6 +13,7 @@ from demos import (
     block_forging_3d,
     block_upsetting_3d,
     closed_die,
+    coining_elastic_dies,
     drop_and_rest,
     extrusion,
     flat_rolling,
@@ -91,6 +92,14 @@ def test_the_shrink_fitted_die_is_that_of_lame_on_average(tmp_path, capsys):
     fitted = runs["shrink fit"].history
     assert fitted.rows[1]["bore_stress_tt_MPa"] < -500 and fitted.rows[-1]["load_factor"] == 1
     assert runs["no interference"].summary["tools"]["die"]["insert"]["share_that_flowed"] > 0
+
+
+def test_the_strip_gets_the_thickness_that_its_elastic_dies_leave_it(tmp_path, capsys):
+    runs = coining_elastic_dies.main(coarse=True, out=tmp_path)
+    assert "iterated: crown" in capsys.readouterr().out
+    assert (tmp_path / "coining_elastic_dies.png").stat().st_size > 10_000
+    assert any("makes volume" in warning for warning in runs["separate"].summary["warnings"])
+    assert any("out of the shape" in warning for warning in runs["stress_only"].summary["warnings"])
 
 
 def test_the_strip_is_rolled_as_the_slab_theory_says(tmp_path, capsys):
