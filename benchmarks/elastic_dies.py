@@ -17,12 +17,12 @@ import numpy as np
 import fenics_forming as ff
 
 HERE = Path(__file__).parent
-START, TRAVEL, STEPS = 4.0, 1.2, 60      # mm of half the thickness
+START, TRAVEL, STEPS = 6.0, 1.8, 60      # mm of half the thickness
 MOST = 1.5                               # times the run with rigid dies
 
 
-def press(mode: str, steps: int = STEPS, mesh: float = 0.25, contact: float = 0.8) -> ff.Results:
-    """A quarter of a strip of 8 x 37.7 mm pressed by dies that deform in this mode."""
+def press(mode: str, steps: int = STEPS, mesh: float = 0.35, contact: float = 1.0) -> ff.Results:
+    """A quarter of a strip of 12 x 37.7 mm pressed by dies that deform in this mode."""
     return ff.simulate(ff.Scene.read({
         "geometry": "plane_strain",
         "materials": {"strip": {"flow_stress": {"law": "constant", "value": 200.0}},

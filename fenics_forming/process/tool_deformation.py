@@ -64,7 +64,9 @@ class Deformation:
                 self._switch(body, "contact has opened")
             return
         every = self._every if self._step is None or self._step.time is None else max(1, round(self._step.time / dt))
-        change = self._along_force(self.motions.rate * every * dt)
+        if self.deflection == 0.0 and self.fallen_back:
+            return                                  # not solved under load yet
+        change = max(abs(self._along_force(rate * every * dt)) for rate in (self.motions.pace, self.motions.rate))
         self.stability = Stability.of(travel=body.speed * every * dt, sensitivity=self._sensitivity,
                                       deflection=self.deflection, change=change, every=every)
         if self._guarded and self.fallen_back == self.stability.is_safe:
@@ -75,6 +77,8 @@ class Deformation:
         """From "coupled" to "iterated", or back."""
         self.fallen_back = self.motions.given
         self.motions.given, self.motions.reaction = not self.fallen_back, None
+        if self.motions.given:
+            self.motions.rate = self.motions.pace
         body.solver.renew_border()
         mode = "iterated" if self.fallen_back else "coupled"
         self._news.append(f"tool '{self.name}': {mode} from here on, {why}")
@@ -99,11 +103,13 @@ class Deformation:
         elapsed, change = time - self.solved_at, solved - motions.earlier
         motions.earlier, self.solved_at, self._steps = solved, time, 0
         self.deflection = self._along_force(solved - self._at_rest())
-        if self.fallen_back or elapsed <= 0:
-            motions.rate = motions.rate if elapsed <= 0 else change / elapsed
+        if elapsed <= 0:
+            return False
+        motions.pace = change / elapsed
+        if self.fallen_back:
             return False
         motions.displacement, motions.since = solved, time
-        motions.rate = change / elapsed if self.mode == "coupled" else np.zeros_like(solved)
+        motions.rate = motions.pace if self.mode == "coupled" else np.zeros_like(solved)
         return self.mode != "stress_only"
 
     def _is_due(self, time: float, force: float) -> bool:

@@ -82,7 +82,7 @@ class ElasticMotions(FreeMotions):
         now, then = self.solved_at[0, self.unknown], self.solved_at[0, unknown]
         self.displacement = then + carried(self.displacement - now)
         self.earlier = then + carried(self.earlier - now)
-        self.rate, self.velocity = carried(self.rate), carried(self.velocity)
+        self.rate, self.velocity, self.pace = carried(self.rate), carried(self.velocity), carried(self.pace)
         for name in ("force", "mass", "reaction"):
             values = getattr(self, name)
             if values is not None:
@@ -95,17 +95,17 @@ class ElasticMotions(FreeMotions):
     def _start_with(self, unknown: np.ndarray) -> None:
         """These unknowns, at rest. Collective."""
         self.unknown, self.count, self.reaction = np.empty(0, dtype=np.int64), 0, None
-        for name in ("displacement", "earlier", "rate", "velocity", "force", "mass"):
+        for name in ("displacement", "earlier", "rate", "velocity", "pace", "force", "mass"):
             setattr(self, name, np.zeros(0))
         self.stiffness = np.zeros((0, 0))
         self._take(unknown)
 
     def refresh(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """The tool has been solved: displacements and forces (n, dim) of its surface, and a new compliance. Collective."""
-        settled = self.displacement, self.rate, self.velocity, self.earlier
+        settled = self.displacement, self.rate, self.velocity, self.earlier, self.pace
         self.solved_at = np.stack([displacement.ravel(), force.ravel()])
         self._take(self.unknown)
-        self.displacement, self.rate, self.velocity, self.earlier = settled
+        self.displacement, self.rate, self.velocity, self.earlier, self.pace = settled
 
     # ------------------------------------------------------------------ in a solve
     def moved(self, motion, time: float):

@@ -34,6 +34,7 @@ class FreeMotions:
     displacement, velocity : (n,) at the time ``since``, s · horizon : of the last solve, s · now : its time, s
     reaction : (n,) N, Q of the solve at ``since``, to extrapolate from; None where it does not go on smoothly
     given : whether the rates are given, and no unknowns of the solve · earlier : (n,) displacement when they were found
+    pace : (n,) mean rates of the last tool step
     basis : (points · dim, n) the motions at the contact points
     resistance, load : (n, n) and (n,) of the next solve: resistance · rate = load - reaction of the body
     """
@@ -50,7 +51,7 @@ class FreeMotions:
         self.since, self.now, self.horizon, self.count = 0.0, 0.0, 1.0, count
         self.reaction: np.ndarray | None = None
         self._implicit = 0.5 if self.mass.any() else 1.0
-        self.basis, self.given, self.earlier = None, False, np.zeros(count)
+        self.basis, self.given, self.earlier, self.pace = None, False, np.zeros(count), np.zeros(count)
 
     # ------------------------------------------------------------------ in time
     def at(self, time: float) -> np.ndarray:
@@ -125,12 +126,13 @@ class FreeMotions:
         """The state, to give back to :meth:`remember` or to write to a checkpoint."""
         return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy(), "rate": self.rate.copy(),
                 "force": self.force.copy(), "since": self.since, "now": self.now, "horizon": self.horizon,
-                "reaction": self.reaction, "given": self.given, "earlier": self.earlier.copy()}
+                "reaction": self.reaction, "given": self.given, "earlier": self.earlier.copy(),
+                "pace": self.pace.copy()}
 
     def remember(self, memory) -> None:
         """Take over what :meth:`memory` gave."""
         self.given = bool(memory["given"])
-        for name in ("displacement", "velocity", "rate", "force", "earlier"):
+        for name in ("displacement", "velocity", "rate", "force", "earlier", "pace"):
             setattr(self, name, np.array(memory[name], float))
         self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
         self.reaction = None if memory["reaction"] is None else np.array(memory["reaction"], float)
