@@ -30,7 +30,7 @@ def press(mode: str, steps: int = STEPS, mesh: float = 0.35, contact: float = 1.
         "workpieces": {"strip": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [18.85, START]}, "material": "strip",
                                  "symmetry": ["x", "y"], "mesh_size": mesh}},
         "tools": {"upper": {"shape": {"kind": "rectangle", "from": [0, START], "to": [250, START + 250]}, "symmetry": ["x"],
-                            "material": "steel", "mesh_size": {"contact": contact, "far": 3.4},
+                            "material": "steel", "mesh_size": {"contact": contact, "far": 3.8},
                             "held": {"y_high": ["x", "y"]}, "friction": {"law": "siebel", "factor": 0.2},
                             "drive": {"kind": "speed", "velocity": [0, -1]}}},
         "process": {"tool_deformation": mode}, "steps": {"stroke": TRAVEL / steps}, "stop": {"stroke": TRAVEL}}))
