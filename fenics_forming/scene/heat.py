@@ -64,6 +64,7 @@ def flowless_problems(scene):
             ("steps.stroke", steps.stroke, "is the size of a step of a tool; without flow expected steps.time"),
             ("steps.adaptive", steps.adaptive, "belongs to a flow; without one expected no 'adaptive'"),
             ("process.inertia", process.inertia, "needs a flow"),
+            ("process.weight", process.weight, "needs a flow"),
             ("flow_lines", scene.flow_lines, "follow material that flows; expected none")):
         if value:
             yield SceneError(sentence, key=key, got=value)
