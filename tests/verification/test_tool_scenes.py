@@ -221,8 +221,8 @@ def test_resumed_run_of_tools_is_the_uninterrupted_one(tmp_path):
 
 
 def test_shrink_fit_holds_until_the_push_is_the_friction_of_its_pressure(tmp_path):
-    """The insert is pushed out of its ring at F = mu N, 0.1 %, found by cutting load steps back; two sides of the mesh on the
-    joint, whose points slip one after the other, some of them the other way at first."""
+    """The insert is pushed out of its ring at F = mu N, 0.1 %, found by cutting load steps back. The mesh has two sides on
+    the joint, whose points slip one after the other, some of them the other way at first."""
     parts = rings()["die"]["parts"]
     parts["insert"] |= {"loads": {"z_high": {"pressure": 100}}, "mesh_size": 5}
     parts["ring"] |= {"held": {"z_low": "z"}, "mesh_size": 7}
