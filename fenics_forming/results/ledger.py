@@ -4,6 +4,7 @@ from __future__ import annotations
 
 MOST_DRIFT = 0.01      # of the volume; above, the force of upsetting is off by a few per cent
 MOST_LEFT = 1e-9       # of a volume that is restored
+CREEPING = 0.05        # of the largest power: less is that of a tool that comes to rest
 MOST_PENALTY = 0.02    # of the power of the tools; on the coarse billet 1 % went with forces 4 % too large, 3 % with 10 %
 
 
@@ -130,7 +131,7 @@ class PowerLedger:
     def __init__(self):
         self.last: dict[str, float] = {}
         self.worst = 0.0
-        self.work = self.penalty_work = 0.0
+        self.work = self.penalty_work = self._largest = 0.0
         self._creeps = False
 
     def memory(self) -> dict:
@@ -150,8 +151,9 @@ class PowerLedger:
             return 0.0
         self.last = body.powers()
         stalls = any(tool.drive is not None and tool.drive.stalls for tool in body.tools)
-        self._creeps = stalls or body.rams.between_blows
         given = _given(self.last)
+        self._largest = max(self._largest, abs(given))
+        self._creeps = stalls or body.rams.between_blows or abs(given) < CREEPING * self._largest
         self.work += dt * abs(self.last["tools"] if body.inertia is None else given)
         self.penalty_work += dt * abs(self.last["penalty"])
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
@@ -161,9 +163,9 @@ class PowerLedger:
         return relative
 
     def penalty_shares(self) -> tuple[float, float]:
-        """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole; with
-        inertia, at the end of a blow and at a force limit, where the last flow is that of a body that has all but come to
-        rest, on the whole only."""
+        """Share of the work of the tools that penalty and landing points took: in the last flow, on the whole; on the
+        whole only with inertia, at the end of a blow or of the stroke of a crank and at a force limit, where the body all
+        but rests."""
         mean = float(self.penalty_work / self.work) if self.work > 0 else 0.0
         if "inertia" in self.last or self._creeps:
             return mean, mean
