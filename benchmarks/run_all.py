@@ -10,6 +10,7 @@ from contextlib import redirect_stdout
 
 import billet
 import closest_point
+import contact
 import heat
 import remeshing
 
@@ -48,6 +49,14 @@ heat, at a fraction of its time; elements of 1 mm in the die are too thick for w
 
 {heat}
 
+## Contact between bodies
+
+A billet cut into two that stick, against the billet in one piece, over penalty factors of which the default is 10; then one
+step of two blocks in space, and the part of its CPU time that contact between them takes: search, gap operator, law,
+forces, tangents. Products with the gap operator inside the iterative solver count as solving.
+
+{contact}
+
 ## Closest points on tools
 
 20 000 points within 2 % of the surface, one thread: time to build the surface, points per second, and how far the
@@ -64,7 +73,7 @@ def main() -> None:
     measured = billet.main()
     with redirect_stdout(io.StringIO()) as table:
         closest_point.main()
-    page = TEXT.format(billet=measured, remeshing=remeshing.main(), heat=heat.main(),
+    page = TEXT.format(billet=measured, remeshing=remeshing.main(), contact=contact.main(), heat=heat.main(),
                        closest_point=table.getvalue().strip())
     (billet.HERE / "README.md").write_text(page, encoding="utf-8")
     print(page)

@@ -77,6 +77,7 @@ def contact_problems(scene):
             sentence = "are no two workpieces and no two parts of one tool"
             yield SceneError(f"'{contact.between[0]}' and '{contact.between[1]}' {sentence}",
                              key=f"contacts.{number}.between", got=contact.between, allowed="bodies of one kind")
+    yield from _limits_without_yield(scene, tool_of)
     if len(scene.workpieces) < 2:
         return
     for name, body in scene.workpieces.items():
@@ -86,6 +87,18 @@ def contact_problems(scene):
     if scene.process.volume_constancy == "each_step":
         yield SceneError("lost volume is given back to a single workpiece only; leave it out",
                          key="process.volume_constancy", got="each_step", allowed="true or false")
+
+
+def _limits_without_yield(scene, tool_of):
+    """SceneErrors of friction that is a part of the yield stress, between parts of a tool that cannot yield."""
+    for number, contact in enumerate(scene.contacts):
+        parts = [scene.tools[tool_of[name]].parts[name] for name in contact.between if name in tool_of]
+        if len(parts) < 2 or contact.friction.law not in ("siebel", "levanov"):
+            continue
+        laws = [scene.materials[part.material].elasticity for part in parts if part.material in scene.materials]
+        if not any(law is not None and law.yields for law in laws):
+            yield SceneError("is a part of the yield stress, and neither part can yield; give one a yield_stress, or take "
+                             "'coulomb'", key=f"contacts.{number}.friction", got=contact.friction, allowed="coulomb")
 
 
 def pair_problems(scene):

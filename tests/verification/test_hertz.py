@@ -80,7 +80,7 @@ def peak(contact, distance, width):
     ((20, 20), (STEEL, STEEL), 500, 0.234891, 1355.140, 0.03, 5e-3),
     ((10, 13), ALUMINIUM, 3200, 1.19971, 1698.06, 0.1, 1e-2)],
     ids=["steel", "ansys-vm191"])
-def test_cylinders_press_over_the_width_of_hertz(radii, materials, force, width, highest, size, exchanged):
+def test_cylinders_press_over_the_width_of_hertz(radii, materials, force, width, highest, size, exchanged, verified):
     """REFERENCES.md 6.4; penetration is taken out to 1e-6; exchanged slave and master change the peak by < 0.5 %, and by
     < 1 % where normals, those of the master at the start, differ by what a width of an eighth of the radius makes."""
     peaks, push = [], force / 2 / radii[0]
@@ -88,23 +88,25 @@ def test_cylinders_press_over_the_width_of_hertz(radii, materials, force, width,
         meshes = [quarter_disc(radius, sign, size, radius / 8) for radius, sign in zip(radii, (1, -1), strict=True)]
         solver, distance = pressed(meshes, radii, materials, push, swap=swap)
         contact = solver.contacts[0]
-        assert half_width(contact, distance, 3 * np.pi / 4) == pytest.approx(width, rel=0.03)
-        assert peak(contact, distance, width) == pytest.approx(highest, rel=0.03)
+        name = f"cylinders of {radii[0]} and {radii[1]} mm, {'lower' if swap else 'upper'} one slave"
+        verified("6.4", f"half width, {name}", half_width(contact, distance, 3 * np.pi / 4), width, within=0.03, unit="mm")
+        verified("6.4", f"peak, {name}", peak(contact, distance, width), highest, within=0.03, unit="MPa")
         assert abs(contact.force()[1]) == pytest.approx(force / 2, rel=1e-8)
         assert solver.relative_penetration() < 1e-6
         peaks.append(peak(contact, distance, width))
     assert peaks[0] == pytest.approx(peaks[1], rel=exchanged)
 
 
-def test_balls_press_over_the_circle_of_hertz():
+def test_balls_press_over_the_circle_of_hertz(verified):
     """REFERENCES.md 6.5, two balls of 10 mm under 1000 N: radius of the circle, greatest pressure, and the approach of
     their middles, which the finite balls see but for a per cent or two."""
     radius, force = 10.0, 1000.0
     meshes = [eighth_ball(radius, sign, 0.04, 3.0) for sign in (1, -1)]
     solver, distance = pressed(meshes, (radius, radius), (STEEL, STEEL), force / (np.pi * radius**2))
     contact, body = solver.contacts[0], solver.body
-    assert half_width(contact, distance, 16 / (3 * np.pi)) == pytest.approx(0.319125, rel=0.03)
-    assert peak(contact, distance, 0.319125) == pytest.approx(4688.34, rel=0.03)
+    verified("6.5", "radius of the circle", half_width(contact, distance, 16 / (3 * np.pi)), 0.319125, within=0.03,
+             unit="mm")
+    verified("6.5", "peak", peak(contact, distance, 0.319125), 4688.34, within=0.03, unit="MPa")
     assert abs(contact.force()[2]) == pytest.approx(force / 4, rel=1e-4)     # its rim is one of parabolas
     at_middle = np.isclose(body.nodes.x[:, 2], radius) & (np.hypot(*body.nodes.x[:, :2].T) < 1.0)
-    assert -body.nodal()[at_middle, 2].mean() == pytest.approx(0.020369, rel=0.03)
+    verified("6.5", "approach of two balls", -body.nodal()[at_middle, 2].mean(), 0.020369, within=0.03, unit="mm")
