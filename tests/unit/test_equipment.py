@@ -96,3 +96,22 @@ def test_a_run_ends_at_the_dead_centre():
 def test_only_a_crank_press_has_a_dead_centre():
     with pytest.raises(SceneError, match="stop.dead_centre: the drive 'speed' of the tool 'upper' has no dead centre"):
         ff.check(scene({"kind": "speed", "velocity": [0, -1]}, {"dead_centre": True}))
+
+
+DOWN = [0, -1]
+HAMMER = {"kind": "hammer", "mass": "100 kg", "energy": ["1 J", "2 J"], "pause": "0.2 s", "lift": "5 mm", "direction": DOWN}
+
+
+@pytest.mark.parametrize("drive", [
+    HAMMER, HAMMER | {"energy": "1 J", "blows": 3, "anvil_mass": "2 t", "efficiency": 0.8},
+    {"kind": "screw_press", "energy": "200 J", "speed": "500 mm/s", "direction": DOWN, "stiffness": "500 kN/mm"},
+    {"kind": "force", "force": ["1 kN", "2 kN"], "times": [0, 1], "speed": 3, "direction": DOWN},
+    {"kind": "force", "force": "1 kN", "speed": 3, "direction": DOWN},
+    {"kind": "hydraulic", "speed": 3, "direction": DOWN, "slow_down": {"stroke": 3, "speed": 1}, "force": "3 kN"},
+    {"kind": "spring", "stiffness": "1 kN/mm", "direction": DOWN}], ids=lambda d: d["kind"])
+def test_every_drive_survives_toml(drive, tmp_path):
+    described = scene(drive, {"time": 1.0})
+    file = tmp_path / "scene.toml"
+    file.write_text(described.to_toml())
+    assert ff.read_scene(file) == described
+    assert type(described.tools["upper"].drive).__name__ in repr(described)
