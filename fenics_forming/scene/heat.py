@@ -105,6 +105,10 @@ def _tool_problems(scene, name):
 
 def heat_warnings(scene):
     """What in a scene may be meant otherwise, one sentence each."""
+    if scene.process.heat is False:
+        given = [f"workpieces.{name}.air" for name, body in scene.workpieces.items() if body.air is not None]
+        given += [f"tools.{name}.heat_exchange" for name, tool in scene.tools.items() if tool.heat_exchange.acts]
+        yield from (f"{key}: has no effect, process.heat is false" for key in given)
     if asks_for_heat(scene) is None:
         return
     for body in scene.workpieces.values():

@@ -113,6 +113,8 @@ WITHOUT = {"process": {"flow": False}, "steps": {"time": 1}, "stop": {"time": 2}
     (scene(tool={"heat_exchange": COLUMN}), "tools.upper.heat_exchange.material", "needs the material"),
     (scene(tool={"heat_exchange": {**COLUMN, "material": "stele"}}), "tools.upper.heat_exchange.material", "'steel'"),
     (scene(tool={"heat_exchange": {**COLUMN, "material": "bare"}}), "materials.bare.density", "takes up heat"),
+    (scene(tool={"heat_exchange": {**COLUMN, "kind": "coupled", "material": "steel"}}), "tools.upper.shape", "no volume"),
+    (scene(process={"cooling": [{"time": 1, "on": ["uper"]}]}), "process.cooling.0.on", "did you mean 'upper'?"),
     (scene(tool={"heat_exchange": {"kind": "colum"}}), "tools.upper.heat_exchange.kind", "did you mean 'column'?"),
     (scene(body={"air": {"temperature": 20}}), "workpieces.billet.air.coefficient", "emissivity"),
     (scene(**WITHOUT), "tools.upper.drive", "nothing is formed"),
@@ -133,5 +135,8 @@ def test_a_scene_computes_heat_only_where_something_asks_for_it():
     assert Scene.read(scene(material={**HOT, "plastic_heat_fraction": 0.9})).computes_heat
     assert Scene.read(scene(body={"air": AIR})).computes_heat
     assert Scene.read(scene(process={"heat": True})).computes_heat
-    assert not Scene.read(scene(body={"air": AIR}, process={"heat": False})).computes_heat
+    switched_off = Scene.read(scene(body={"air": AIR}, process={"heat": False}))
+    assert not switched_off.computes_heat
+    assert "workpieces.billet.air: has no effect, process.heat is false" in check(switched_off)
+    assert Scene.read(scene(process={"cooling": {"time": 2}})).computes_heat
     assert Air(emissivity=0.8).temperature == 20
