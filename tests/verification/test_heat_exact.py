@@ -53,27 +53,26 @@ def at(body, temperature, x):
 @pytest.mark.parametrize(("biot", "fourier", "centre", "surface", "mean"), [
     (1, 0.2, 0.950642, 0.643391, 0.851595), (1, 1.0, 0.533859, 0.348177, 0.470397),
     (0.1, 1.0, 0.922389, 0.878126, 0.907587), (10, 0.5, 0.454641, 0.064329, 0.315016)])
-def test_a_slab_cools_as_heisler_has_it(biot, fourier, centre, surface, mean):
+def test_a_slab_cools_as_heisler_has_it(biot, fourier, centre, surface, mean, verified):
     """REFERENCES.md 9.3; of the first temperature difference, 1."""
     length, (conductivity, capacity) = 10.0, STEEL
     body = strip(length, air=Air(temperature=0, coefficient=biot * conductivity / length))
     end, steps = fourier * length**2 * capacity / conductivity, 400
     found, _, worst = after(body, 1.0, (end / steps, steps))
-    assert at(body, found, 0) == pytest.approx(centre, rel=5e-3)
-    assert at(body, found, length) == pytest.approx(surface, rel=5e-3)
-    assert body.field.mean(found) == pytest.approx(mean, rel=5e-3)
+    verified("9.3", f"slab, Bi = {biot:g}, Fo = {fourier:g}", (at(body, found, 0), at(body, found, length),
+             body.field.mean(found)), (centre, surface, mean), within=5e-3, at=("centre", "surface", "mean"))
     assert worst < 1e-8
 
 
 @pytest.mark.parametrize(("fourier", "centre", "surface"), [(0.2, 0.870174, 0.570228), (1.0, 0.249380, 0.160338)])
-def test_a_cylinder_cools_as_heisler_has_it(fourier, centre, surface):
+def test_a_cylinder_cools_as_heisler_has_it(fourier, centre, surface, verified):
     """REFERENCES.md 9.3, Bi = 1: the weights 2 pi r, and the axis where they vanish."""
     length, (conductivity, capacity) = 10.0, STEEL
     body = strip(length, "axisymmetric", air=Air(temperature=0, coefficient=conductivity / length))
     end, steps = fourier * length**2 * capacity / conductivity, 400
     found, _, worst = after(body, 1.0, (end / steps, steps))
-    assert at(body, found, 0) == pytest.approx(centre, rel=5e-3)
-    assert at(body, found, length) == pytest.approx(surface, rel=5e-3)
+    verified("9.3", f"cylinder, Bi = 1, Fo = {fourier:g}", (at(body, found, 0), at(body, found, length)),
+             (centre, surface), within=5e-3, at=("centre", "surface"))
     assert worst < 1e-8
 
 
@@ -82,7 +81,7 @@ HALF_SPACES = {0.1: (990.866, 413.447, 5774.184), 10.0: (752.653, 656.571, 960.8
 
 
 @pytest.mark.parametrize("time", HALF_SPACES)
-def test_a_half_space_on_columns_is_two_half_spaces(time):
+def test_a_half_space_on_columns_is_two_half_spaces(time, verified):
     """REFERENCES.md 9.1: surfaces and flux within 0.5 %, at 5 mm depth too."""
     law = ColumnExchange(temperature=200.0, coefficient=10.0)
     body = strip(120.0, places=GRADED, far=False, exchanges={"die": ToolExchange(law, float(np.sqrt(DIE[0] * DIE[1])))})
@@ -92,12 +91,14 @@ def test_a_half_space_on_columns_is_two_half_spaces(time):
     ours = at(body, found, 0)
     flux = state.lost["die"] / stages[-1][0]
     steel, die, reference = HALF_SPACES[time]
-    assert ours == pytest.approx(steel, rel=5e-3) and flux == pytest.approx(reference, rel=5e-3)
-    assert ours - flux / law.coefficient == pytest.approx(die, rel=5e-3)
+    verified("9.1", f"columns after {time:g} s", (ours, ours - flux / law.coefficient), (steel, die), within=5e-3,
+             unit="degC", at=("steel", "die"))
+    verified("9.1", f"columns after {time:g} s, flux", flux, reference, within=5e-3, unit="mW/mm²")
     if time == 10.0:
         x = body.field.nodes.x[:, 0]
         order = np.argsort(x)
-        assert np.interp(5.0, x[order], found[order]) == pytest.approx(932.177, rel=2e-3)
+        verified("9.1", "columns after 10 s, steel at 5 mm", np.interp(5.0, x[order], found[order]), 932.177,
+                 within=2e-3, unit="degC")
     assert worst < 1e-8
 
 
@@ -112,7 +113,7 @@ def test_columns_know_times_from_microseconds_to_hours():
     assert rise[0] == pytest.approx(2 * np.sqrt(time / np.pi), rel=1.2e-4)
 
 
-def test_friction_heat_warms_a_half_space_and_a_column_alike():
+def test_friction_heat_warms_a_half_space_and_a_column_alike(verified):
     """REFERENCES.md 9.5: half of 5 W/mm² for 1 s, 255.5276 K; the same flux into a column of steel."""
     body, seconds, flux = strip(60.0, places=GRADED, far=False), 1.0, 2.5e3     # mW/mm²
     area = body.field.surface_sum(body.facets, body.facets.weights())
@@ -122,16 +123,17 @@ def test_friction_heat_warms_a_half_space_and_a_column_alike():
     for _ in range(steps):
         gathered = made | {"plastic": body.field.heating(flux * area) * seconds / steps}
         made, state = body.advance(made, gathered, state, [], seconds / steps)
-    assert at(body, made["temperature"], 0) == pytest.approx(255.5276, rel=5e-3)
+    verified("9.5", "half of the friction heat, surface after 1 s", at(body, made["temperature"], 0), 255.5276,
+             within=5e-3, unit="K")
     effusivity = np.sqrt(STEEL[0] * STEEL[1])
     assert flux * columns.resistance(seconds) / effusivity == pytest.approx(255.5276, rel=5e-4)
 
 
-def test_friction_heat_is_split_by_effusivities():
+def test_friction_heat_is_split_by_effusivities(verified):
     """REFERENCES.md 9.5: e1 / (e1 + e2) = 0.505103 for the two steels of 9.1."""
     one, other = (float(np.sqrt(k * c)) for k, c in (STEEL, DIE))
     exchange = ToolExchange(ColumnExchange(temperature=20, coefficient=1), other)
-    assert exchange.share(one) == pytest.approx(0.505103, abs=1e-6)
+    verified("9.5", "share of the steel in the friction heat", exchange.share(one), 0.505103, within=2e-6)
 
 
 BALL = {"geometry": "axisymmetric", "materials": {"steel": {"density": "7500 kg/m^3", "conductivity": "25000 W/m/K",
@@ -148,18 +150,19 @@ def ball(air, stop=10.0, step=0.25):
     return simulate(Scene.read(scene))
 
 
-def test_a_ball_radiates_as_stefan_and_boltzmann_have_it():
+def test_a_ball_radiates_as_stefan_and_boltzmann_have_it(verified):
     """REFERENCES.md 9.4: 1361.3209 K after 10 s."""
     history = ball({"temperature": "20 degC", "emissivity": 0.8}).history
-    assert history.column("mean_temperature_degC")[-1] + 273.15 == pytest.approx(1361.3209, rel=2e-3)
+    verified("9.4", "radiating ball after 10 s", history.column("mean_temperature_degC")[-1] + 273.15, 1361.3209,
+             within=2e-3, unit="K")
     assert np.abs(history.column("heat_imbalance")).max() < 1e-8
 
 
-def test_a_ball_in_still_air_cools_exponentially():
+def test_a_ball_in_still_air_cools_exponentially(verified):
     """REFERENCES.md 9.4: of the temperature difference 0.928815 is left after 60 s at 20 W/m²K."""
     history = ball({"temperature": "20 degC", "coefficient": "20 W/m^2/K"}, stop=60.0, step=2.0).history
     left = (history.column("mean_temperature_degC")[-1] - 20) / 1180
-    assert left == pytest.approx(0.928815, rel=1e-3)
+    verified("9.4", "ball in still air, left after 60 s", left, 0.928815, within=1e-3)
 
 
 def test_a_run_of_heat_alone_builds_no_velocities(monkeypatch):
@@ -188,13 +191,13 @@ def two_bars(time, steps, size):
 
 
 @pytest.mark.parametrize(("time", "steps", "size"), [(0.1, 80, 0.05), (10.0, 200, 0.4)])
-def test_a_bar_on_a_die_with_a_temperature_field_is_two_half_spaces(time, steps, size):
+def test_a_bar_on_a_die_with_a_temperature_field_is_two_half_spaces(time, steps, size, verified):
     """REFERENCES.md 9.1: both surfaces and the flux within 0.5 %; what the bar loses the die has."""
     history = simulate(two_bars(time, steps, size)).history
     steel, die, flux = HALF_SPACES[time]
     last = history.rows[-1]
-    assert last["face_temperature_degC"] == pytest.approx(steel, rel=5e-3)
-    assert last["max_temperature_die_degC"] == pytest.approx(die, rel=5e-3)
+    verified("9.1", f"temperature field after {time:g} s", (last["face_temperature_degC"],
+             last["max_temperature_die_degC"]), (steel, die), within=5e-3, unit="degC", at=("steel", "die"))
     lost = np.diff(history.column("heat_to_die_J_per_mm"))[-1] * 1000 / (time / steps) / (3 * size)
-    assert lost == pytest.approx(flux, rel=5e-3)
+    verified("9.1", f"temperature field after {time:g} s, flux", lost, flux, within=5e-3, unit="mW/mm²")
     assert np.abs(history.column("heat_imbalance")).max() < 1e-8

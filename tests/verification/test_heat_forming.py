@@ -30,16 +30,16 @@ def upset(law, *, steps=40, tool=None, process=None):
 
 
 @pytest.mark.parametrize("law", WARMING)
-def test_plastic_work_heats_an_insulated_cylinder(law):
+def test_plastic_work_heats_an_insulated_cylinder(law, verified):
     """REFERENCES.md 9.2, within 0.5 %; uniform to rounding, and with softening the force falls with it."""
     given, warming = WARMING[law]
     results = upset(given)
     last = results.history.rows[-1]
-    assert last["max_temperature_degC"] - 20 == pytest.approx(warming, rel=5e-3)
-    assert last["min_temperature_degC"] - 20 == pytest.approx(warming, rel=5e-3)
+    verified("9.2", f"warming, {law}", (last["max_temperature_degC"] - 20, last["min_temperature_degC"] - 20),
+             (warming, warming), within=5e-3, unit="K", at=("hottest place", "coldest place"))
     assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
     if law == "softening":
-        assert last["force_upper_N"] == pytest.approx(339871.05, rel=5e-3)
+        verified("9.2", "force of the softened cylinder", last["force_upper_N"], 339871.05, within=5e-3, unit="N")
 
 
 @pytest.mark.parametrize(("scheme", "steps"), [("midpoint", 5), ("trapezoid", 5), ("etd2", 10)])
