@@ -27,7 +27,7 @@ class ElasticTool:
     def __init__(self, scene: Scene, name: str, comm):
         self.loaded = LoadedTool(tool_body(scene, name, comm))
         self.meshed, self.solver, self.body = self.loaded.tool, self.loaded.solver, self.loaded.tool.body
-        self.surface = ToolSurface(self.body, self.meshed.facing)
+        self.surface = ToolSurface(self.body, self.meshed.surface, self.meshed.facing)
         self.at_rest = np.zeros(self.surface.x.shape)
         if self.loaded.is_prestressed or self.meshed.loads:
             self.loaded.assemble()

@@ -23,8 +23,9 @@ from .deformed import DeformedSurface
 from .free_motions import SMOOTH, FreeMotions
 from .tool_surface import ToolSurface
 
-ALL = 700       # displacements up to which all that contact could ever reach are unknown from the first touch on
-RINGS = 4       # else the sides around those that it touches: new ones are rarely due
+ALL = 700       # displacements up to which all that faces the workpiece are unknown from the first touch on
+MARGIN = 2      # sides around those that contact touches whose nodes are unknown too, so that it lands on nodes that follow
+RINGS = 4       # further ones that are taken along: new ones are rarely due
 REACH = 0.5     # of the length of a side: gaps up to which a point counts as near
 
 
@@ -62,9 +63,13 @@ class ElasticMotions(FreeMotions):
         """Make nodes (n,) bool unknowns, and those around them. Collective."""
         nodes = highest(self._comm, nodes.astype(float)) > 0
         free, dim = self.surface.free.ravel(), self._dim
-        if np.isin(np.flatnonzero(np.repeat(nodes, dim) & free), self.unknown).all():
+        near = self.surface.around(nodes, MARGIN)
+        if np.isin(np.flatnonzero(np.repeat(near, dim) & free), self.unknown).all():
             return
-        wanted = free.copy() if free.size <= ALL else free & np.repeat(self.surface.around(nodes, RINGS), dim)
+        near = self.surface.around(near, RINGS)
+        if self.surface.facing.sum() * dim <= ALL:
+            near |= self.surface.facing
+        wanted = free & np.repeat(near, dim)
         wanted[self.unknown] = True
         self._take(np.flatnonzero(wanted))
 

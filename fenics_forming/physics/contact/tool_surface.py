@@ -15,36 +15,43 @@ from .capture import CapturingSurface
 
 
 class ToolSurface:
-    """Nodes and sides of the part of a tool's surface that contact can reach.
+    """Nodes and sides of the surface of a tool.
 
     Parameters
     ----------
-    body : the tool · facets : (f,) owned exterior facets of this rank
+    body : the tool · facets : (f,) owned exterior facets of this rank, on no mirror plane
+    facing : (k,) those of them that contact reaches first, all where None
 
     Attributes
     ----------
     x : (n, dim) mm, the nodes before they deform, in an order that no number of ranks changes
     sides : (f, 3 | 6) rows of ``x`` · dofs : (n, dim) global numbers of the displacements
-    free : (n, dim) which displacements are not held
+    free : (n, dim) which displacements are not held · facing : (n,) which nodes contact reaches first
     size : mm, mean length of a side
     """
 
-    def __init__(self, body: ToolBody, facets: np.ndarray):
+    def __init__(self, body: ToolBody, facets: np.ndarray, facing: np.ndarray | None = None):
         nodes, comm = body.nodes, body.nodes.comm
-        own = facet_sides(nodes, facets)
-        numbers = np.asarray(nodes.mesh.geometry.index_map().local_to_global(own.ravel().astype(np.int32)))
-        numbers = everywhere(comm, numbers.reshape(own.shape).astype(np.int64))
+        own, shared = facet_sides(nodes, facets), nodes.mesh.geometry.index_map()
+
+        def numbers_of(sides: np.ndarray) -> np.ndarray:
+            found = np.asarray(shared.local_to_global(sides.ravel().astype(np.int32)), dtype=np.int64)
+            return everywhere(comm, found.reshape(sides.shape))
+
+        numbers = numbers_of(own)
+        first_met = numbers if facing is None else numbers_of(facet_sides(nodes, facing))
         dim = nodes.dim
         data = np.concatenate([nodes.x[own], global_dofs(body, own.ravel()).reshape(*own.shape, dim),
                                ~body.is_held[own]], axis=2)
         data = everywhere(comm, data)
-        _, first, rows = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
+        known, first, rows = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
         data = data.reshape(-1, 3 * dim)[first]
         span = float(np.ptp(data[:, :dim], axis=0).max())
         order = np.lexsort(np.round(data[:, :dim] / (1e-9 * span)).T)
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order))
         data, sides = data[order], place[rows.ravel()].reshape(numbers.shape)
+        self.facing = np.isin(known, first_met)[order]
         self.x, self.dofs, self.free = data[:, :dim], data[:, dim:2 * dim].astype(np.int64), data[:, 2 * dim:] > 0
         self.sides = sides[np.lexsort(sides.T)]
         self.dim, self.count, self._comm = dim, len(self.x), comm
