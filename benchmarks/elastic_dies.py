@@ -17,7 +17,7 @@ import numpy as np
 import fenics_forming as ff
 
 HERE = Path(__file__).parent
-START, TRAVEL, STEPS = 6.0, 2.4, 80      # mm of half the thickness
+START, TRAVEL, STEPS = 6.0, 1.8, 60      # mm of half the thickness
 MOST = 1.5                               # times the run with rigid dies
 
 
