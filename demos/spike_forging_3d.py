@@ -51,7 +51,7 @@ def main(coarse: bool = False, out: str | Path = "results/spike_forging_3d", qui
     for name, scene in (("space", ff.read_scene(SCENE, set=changes)), ("plane", turned(coarse))):
         with Progress(total=scene.stop.stroke, quiet=quiet) as progress:
             runs[name] = ff.simulate(scene, out / name, observer=progress)
-    picture(runs, out / "spike.png")
+    picture(runs, Path(out) / "spike.png")
     compare(compared(runs, slack=2.0 if coarse else 1.0), quiet=quiet)
     return runs
 

@@ -12,6 +12,8 @@ from .workpiece import Workpiece
 
 # Below, a factorisation takes less time than setting the iterative solver up (benchmarks/solver3d.py).
 ITERATIVE_FROM = 3000       # unknowns
+MOST_DIRECT = 200_000       # unknowns: beyond, factors in space take more memory than a machine is likely to have
+MOST_MOTIONS = 6            # unknown motions of tools: each is a right-hand side more, which a factor solves for at once
 MOST_FAILURES = 3           # in a row, of the iterations, before a body is solved directly for good
 # Whose tangents the kernels of the iterative solver know.
 KNOWN_TERMS = {"plastic", "incompressibility", "contact", "drag", "inertia"}
@@ -26,6 +28,11 @@ def linear_system(workpiece: Workpiece):
     if not known or deforming or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
         return DirectSystem(workpiece)
     return WithFallback(workpiece)
+
+
+def unknowns_of(workpiece: Workpiece) -> int:
+    """Velocities and pressures of all ranks."""
+    return int(workpiece.space.dofmap.index_map.size_global)
 
 
 class WithFallback:
@@ -72,6 +79,9 @@ class WithFallback:
                 self._failures, self._last = 0, self.iterative
                 return
             except ConvergenceError as failure:
+                if unknowns_of(self._body) > MOST_DIRECT:
+                    raise ConvergenceError(f"the iterative solver stalled: {failure.sentence}", advice="better shaped "
+                                           "cells, a smaller solver.penalty_factor or smaller steps") from failure
                 self._failures += 1
                 self._news.append(f"the iterative solver stalled ({failure.sentence}); solved directly" +
                                   (" from now on" if self._failures == MOST_FAILURES else ""))

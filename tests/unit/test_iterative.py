@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_forming import SceneError, laws, scene
+from fenics_forming import ConvergenceError, SceneError, laws, scene
+from fenics_forming.physics import linear_choice
 from fenics_forming.physics.direct import DirectSystem
 from fenics_forming.physics.iterative.krylov import fgmres
 from fenics_forming.physics.iterative.products import product
@@ -98,6 +99,14 @@ def test_a_stalled_iteration_is_solved_directly_and_says_so():
     np.testing.assert_allclose(body.contact.forces(), directly.contact.forces(), rtol=1e-9)
 
 
+def test_a_body_too_large_for_a_factorisation_says_what_to_try(monkeypatch):
+    body = Simulation(cube(linear="iterative")).body
+    body.solver.system.iterative.most = 1
+    monkeypatch.setattr(linear_choice, "MOST_DIRECT", 100)
+    with pytest.raises(ConvergenceError, match="the iterative solver stalled: 1 Krylov iterations leave"):
+        body.solve(0.0, body.new_history(), 0.1)
+
+
 def test_fgmres_solves_in_as_many_iterations_as_there_are_eigenvalues():
     from mpi4py import MPI
     values = np.repeat([1.0, 3.0, 7.0], 20)
@@ -119,7 +128,6 @@ def test_iterative_solver_in_the_plane_is_refused():
 
 
 def test_auto_takes_iterations_only_for_larger_bodies_in_space():
-    from fenics_forming.physics import linear_choice
     body = Simulation(cube()).body
     assert body.solver.system.kind == "direct"
     assert body.workpiece.space.dofmap.index_map.size_global < linear_choice.ITERATIVE_FROM
