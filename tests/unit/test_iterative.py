@@ -99,6 +99,15 @@ def test_a_stalled_iteration_is_solved_directly_and_says_so():
     np.testing.assert_allclose(body.contact.forces(), directly.contact.forces(), rtol=1e-9)
 
 
+def test_a_singular_node_is_a_failure_that_a_factorisation_may_mend(flowing):
+    _, system, _ = flowing
+    kept = system.block.diagonal.copy()
+    system.block.diagonal[3] = 0.0
+    with pytest.raises(ConvergenceError, match="no stiffness"):
+        system.block.prepare_smoother()
+    system.block.diagonal[:] = kept
+
+
 def test_a_body_too_large_for_a_factorisation_says_what_to_try(monkeypatch):
     body = Simulation(cube(linear="iterative")).body
     body.solver.system.iterative.most = 1

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...errors import ConvergenceError
+from ..parallel import highest
 from .pattern import Pattern
 from .products import apply_blocks, product
 from .sharing import Shared
@@ -66,7 +68,13 @@ class VelocityBlock:
 
     # ------------------------------------------------------------------ smoother
     def prepare_smoother(self) -> None:
-        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue. Collective."""
+        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue. Collective.
+
+        Raises
+        ------
+        ConvergenceError
+            where a block is singular, as it is where velocities of an iteration are beyond all measure.
+        """
         blocks = self.diagonal.copy()
         for other in self.others:
             other.add_diagonal(blocks)
@@ -75,7 +83,7 @@ class VelocityBlock:
         blocks *= self.free[:, :, None] * self.free[:, None, :]
         rows, axes = np.nonzero(given)
         blocks[rows, axes, axes] = 1.0
-        self._inverse[:] = np.linalg.inv(blocks).reshape(-1, 9)
+        self._inverse[:] = self._inverted(blocks).reshape(-1, 9)
         x = self._direction * self.free
         y, z = np.empty_like(x), np.empty_like(x)
         for _ in range(FIRST if self.largest == 0.0 else LATER):
@@ -85,6 +93,15 @@ class VelocityBlock:
             self.largest = LARGER * self._norm(z)
             x, z = z, x
         self._direction = x
+
+    def _inverted(self, blocks: np.ndarray) -> np.ndarray:
+        try:
+            inverse, singular = np.linalg.inv(blocks), 0.0
+        except np.linalg.LinAlgError:
+            inverse, singular = blocks, 1.0
+        if highest(self.shared.comm, singular) > 0:
+            raise ConvergenceError("a node has no stiffness against the rest")
+        return inverse
 
     def _norm(self, x: np.ndarray) -> float:
         mine = x[: self.shared.owned].ravel()
