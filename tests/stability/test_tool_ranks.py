@@ -44,6 +44,7 @@ for kind in sys.argv[1:]:
 
 
 STACKED = """
+import sys
 import numpy as np
 from mpi4py import MPI
 from fenics_forming import FixedDisplacement, Pressure, laws, meshing
@@ -61,15 +62,17 @@ else:
 low, below, above, high = (meshing.boundary_facets(mesh, lambda x, at=at: np.isclose(x[1], at))
                            for at in (0, 10, 10.01, 16))
 law = laws.Elasticity(young=210e3, poisson=0.3, yield_stress=240, hardening=5e3)
-held = [FixedDisplacement(low, i) for i in (0, 1)] + [FixedDisplacement(high, 0), FixedDisplacement(high, 1, -0.05)]
+held = [FixedDisplacement(low, i) for i in (0, 1)] + [FixedDisplacement(high, 0, 0.02), FixedDisplacement(high, 1, -0.05)]
 body = ToolBody(Nodes(mesh), kinematics="plane_strain", material=law, held=held)
-solver = AssembledSolver(body, [PartContact(above, below)])
+solver = AssembledSolver(body, [PartContact(above, below, friction=eval(sys.argv[1]))])
 solver.solve(steps=3)
 tool, contact = fields(solver), solver.contacts[0]
 pressure, weights = contact.state.pressure, contact.weights
 pressed = total(mesh.comm, np.array([pressure @ weights, pressure**2 @ weights]))
 answers = [tool.external_work, tool.elastic_energy, tool.plastic_work, tool.reaction(low)[1], *pressed,
            total(mesh.comm, float(solver.plastic.effective @ body.volumes))]
+if contact.has_friction:
+    answers += [tool.reaction(low)[0], solver.friction_work]
 if mesh.comm.rank == 0:
     print(*answers, sep="\\n")
 """
@@ -93,9 +96,11 @@ def test_number_of_ranks_changes_nothing(ranks, kinds):
     assert answers(ranks, PROGRAM, *kinds) == pytest.approx(answers(1, PROGRAM, *kinds), rel=1e-10)
 
 
-def test_parts_that_press_on_one_another_on_two_ranks():
-    """A smaller block comes down through a gap on a larger one, its corners yield; meshes that do not match."""
-    assert answers(2, STACKED) == pytest.approx(answers(1, STACKED), rel=1e-9)
+@pytest.mark.parametrize("friction, allowed", [("laws.NoFriction()", 1e-9), ("laws.Coulomb(coefficient=0.2)", 1e-8)])
+def test_parts_that_press_on_one_another_on_two_ranks(friction, allowed):
+    """A smaller block comes down and aside through a gap on a larger one, its corners yield; meshes that do not match.
+    Friction is a twentieth of the largest force, to 1e-9 of which forces balance."""
+    assert answers(2, STACKED, friction) == pytest.approx(answers(1, STACKED, friction), rel=allowed)
 
 
 def on_ranks(count: int, *words: str) -> None:
