@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import ConvergenceError
+from ..errors import ConvergenceError, SceneError
 from ..physics.contact.free_motions import RigidMotions
 from ..scene import Scene, copies
 from .stability import LARGEST, Stability, rate_sensitivity
@@ -229,7 +229,16 @@ class Deformation:
                 "reaction": self.reaction.tolist()}
 
     def remember(self, body, memory: dict) -> None:
-        """Take over what :meth:`memory` gave."""
+        """Take over what :meth:`memory` gave.
+
+        Raises
+        ------
+        SceneError
+            for a tool that yields or has parts, whose inner state no checkpoint holds.
+        """
+        if self.tool is not None and self.tool.follows_a_tangent:
+            raise SceneError("yields or has parts, and a checkpoint does not hold its inner state; run without --resume",
+                             key=f"tools.{self.name}")
         self.motions.remember(memory["motions"])
         self.fallen_back, self.solved_at, self._steps = memory["fallen_back"], memory["solved_at"], memory["steps"]
         self._sensitivity = memory["sensitivity"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fenics_forming as ff
+from fenics_forming.errors import SceneError
 from fenics_forming.physics.tool_body import NodalForces
 from fenics_forming.process.elastic_tool import ElasticTool
 from fenics_forming.simulation.run import Simulation
@@ -273,6 +274,14 @@ def test_a_run_with_an_elastic_die_goes_on_as_if_it_had_not_been_interrupted(tmp
     for name in ("force_upper_N_per_mm", "deflection_upper_mm", "volume_error_strip"):
         a, b = (r._recorder.history.column(name) for r in (whole, resumed))
         assert len(a) == len(b) and np.abs(a - b).max() <= 1e-10 * max(1.0, np.abs(a).max()), name
+
+
+def test_a_die_with_an_inner_state_is_not_resumed_without_it(tmp_path):
+    changes = ("workpieces.strip.mesh_size='1.1 mm'", "tools.upper.mesh_size.contact=2", "output.checkpoint_every=1",
+               "materials.die_steel.yield_stress=250")
+    forming(tmp_path, *changes, "stop.stroke=0.01", out=tmp_path / "out")
+    with pytest.raises(SceneError, match="tools.upper: yields or has parts"):
+        forming(tmp_path, *changes, "stop.stroke=0.02", resume=tmp_path / "out" / "checkpoint.npz")
 
 
 @pytest.mark.mpi
