@@ -105,10 +105,8 @@ def picture(runs: dict[float, ff.Results], path: Path) -> None:
         middle.plot(100 * results.stroke()[1:] / HALF, results.force()[1:] / 1e6, color=f"C{number}",
                     label=f"{size:.3g} mm, {dofs} unknowns")
     stroke = runs[finest].stroke()[1:]
-    for values, name in zip(bounds(stroke), ("no friction", "upper bound"), strict=True):
-        middle.plot(100 * stroke / HALF, values / 1e6, "--", color="0.6")
-        middle.annotate(name, (100 * stroke[-1] / HALF, values[-1] / 1e6), ha="right", va="bottom", color="0.4",
-                        xytext=(-40, 0), textcoords="offset points")
+    for values, name, style in zip(bounds(stroke), ("no friction", "upper bound"), (":", "--"), strict=True):
+        middle.plot(100 * stroke / HALF, values / 1e6, style, color="0.5", label=name)
     middle.set(xlabel="reduction of height (%)", ylabel="force of a die (MN)", ylim=(0, 1.6))
     middle.legend(frameon=False, fontsize="small", loc="lower right")
     for number, q in enumerate(REDUCTIONS):
