@@ -174,21 +174,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         """Let the flow of the solve before start the next one faster or slower, as the tools have become: on a crank, whose
         speed changes in every step, that is 4 instead of 20 iterations. ``speed`` of the tools that make it flow, mm/s."""
         if not self.workpiece.is_cold and self.solved_speed > 0 and speed not in (0.0, self.solved_speed):
-            ratio = speed / self.solved_speed
-            self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= ratio
-            if self.workpiece.law.depends_on_rate and not 0.5 < ratio < 2.0:
-                self._soften(ratio)
+            self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= speed / self.solved_speed
         self.solved_speed = speed
-
-    def _soften(self, ratio: float) -> None:
-        """Let stresses and contact pressures of the solve before follow speeds that are ``ratio`` times as high, as the law
-        has it; else the multipliers of contact would start the next solve far off."""
-        from .stability import rate_sensitivity
-        factor = ratio ** rate_sensitivity(self.workpiece)
-        self.workpiece.tau *= factor
-        for tool in self.tools:
-            tool.state.pressure, tool.state.friction_stress = (
-                factor * values for values in (tool.state.pressure, tool.state.friction_stress))
 
     def _mean_rate(self, characteristic_rate: float) -> float:
         """Effective strain rate of the solve before, 1/s, where the body flows: its mean weighted by itself.
