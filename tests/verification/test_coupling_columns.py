@@ -90,6 +90,7 @@ def test_iterated_is_limited_by_the_integration_of_the_workpiece_alone(law, tmp_
     assert first / second == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.long
 def test_separate_makes_volume_in_proportion_to_its_steps(tmp_path):
     """What a tool step moves the contact nodes by is volume: first order, and four times as much where the tool is solved
     every fourth step (10.1: the errors of the height behave so)."""
@@ -135,6 +136,7 @@ def test_coupled_starts_iterated_and_says_when_it_changes(tmp_path):
     assert numbers[-1] == pytest.approx(61, rel=0.1)        # travel 1 mm over 2 m u; m is what ties the solves together
 
 
+@pytest.mark.long
 def test_tool_steps_by_time_and_by_deflection(tmp_path):
     """tool_step = { time } of four steps is tool_every = 4; by deflection the tool is solved as often as the force asks."""
     path = tmp_path / "column.toml"

@@ -128,6 +128,7 @@ def forces_on_the_die_are_those_on_the_strip(run):
     assert unknown[:, 1].sum() == pytest.approx(-contact.force(tool)[1], rel=1e-12)
 
 
+@pytest.mark.long
 def test_stress_only_leaves_the_strip_flat_and_separate_makes_volume(tmp_path):
     """10.4 and notes/coupling.md 1: no crown at all, 18 % more strip than there was; both are warned about."""
     flat, heard = forming(tmp_path, "process.tool_deformation=stress_only", "steps.stroke=0.02")
@@ -150,6 +151,7 @@ def test_a_die_much_stiffer_than_the_strip_is_rigid_in_all_modes(mode, tmp_path)
     assert np.abs(run.body.nodes.extents() - rigid.body.nodes.extents()).max() < 1e-4 * 1.1
 
 
+@pytest.mark.long
 def test_a_press_frame_in_series_adds_its_own_yield(tmp_path):
     """The deflection is that of the die and F/K of the frame; the quarter model has half of the force of the drive."""
     stop = ("steps.stroke=0.02", "stop.stroke=0.28", "workpieces.strip.mesh_size='0.55 mm'")
