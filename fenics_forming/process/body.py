@@ -116,8 +116,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
             if a cell is inverted or the velocities do not converge.
         """
         if self.inverted():
-            raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try a new mesh in time "
-                                   "(remesh = true of the workpiece), smaller steps, or stop earlier")
+            raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try a new mesh in "
+                                   "time (remesh = true of the workpiece), smaller steps, or stop earlier")
         flow = self._flow(time, history, dt, ahead, gaps)
         self.rams.feel(self.contact, time)
         return flow
