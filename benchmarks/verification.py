@@ -66,7 +66,7 @@ def _row(line: dict) -> str:
 def main() -> int:
     """Run the tests and write the page; the exit code of the tests."""
     with tempfile.TemporaryDirectory() as folder:
-        words = ["-m", "pytest", "-q", "-n", "2", "-m", "long or not long", "--records", folder, "tests/verification"]
+        words = ["-m", "pytest", "-q", "-n", "2", "-m", "long or not long", f"--records={folder}", "tests/verification"]
         code = subprocess.run([sys.executable, *words], cwd=ROOT).returncode
         PAGE.write_text(page(records(Path(folder))), encoding="utf-8")
     return code
