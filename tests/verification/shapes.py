@@ -26,9 +26,10 @@ def held(facets, velocity) -> list[FixedVelocity]:
     return [FixedVelocity(facets, i, v) for i, v in enumerate(velocity) if v is not None]
 
 
-def ring_sector(inner: float, outer: float, radial: int, around: int):
-    """Quarter ring with curved order-2 cells: all nodes, mid-nodes too, lie where polar coordinates put them."""
-    mesh = meshing.rectangle((np.log(inner), 0.0), (np.log(outer), np.pi / 2), (radial, around))
+def ring_sector(inner: float, outer: float, radial: int, around: int, angle: float = np.pi / 2):
+    """Sector of a ring, a quarter, with curved order-2 cells: all nodes, mid-nodes too, lie where polar coordinates put
+    them. A full turn is slit on the first axis."""
+    mesh = meshing.rectangle((np.log(inner), 0.0), (np.log(outer), angle), (radial, around))
     radius, angle = np.exp(mesh.geometry.x[:, 0]), mesh.geometry.x[:, 1].copy()
     mesh.geometry.x[:, 0] = radius * np.cos(angle)
     mesh.geometry.x[:, 1] = radius * np.sin(angle)

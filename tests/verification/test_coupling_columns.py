@@ -73,19 +73,23 @@ def error(run, law=PERFECT) -> float:
     return run.body.height() - HEIGHT[law]
 
 
-def test_stress_only_leaves_the_deflection_out(tmp_path):
+def test_stress_only_leaves_the_deflection_out(tmp_path, verified):
     """The height is that of rigid tools; what it misses is F/K of that height, 0.314159 mm: -3.049e-1 in 10.1."""
     run, heard = column(tmp_path, 20, "stress_only")
-    assert error(run) == pytest.approx(-0.304865, abs=LEFT)
+    verified("10.1", "error of the height, stress only, 20 steps", error(run), -0.304865, within=LEFT, unit="mm",
+             absolute=True)
     assert heard.rows[-1]["deflection_upper_mm"] == pytest.approx(0.314159, rel=1e-3)
     assert any("stress_only" in note for note in heard.notes)
 
 
 @pytest.mark.parametrize("law", [PERFECT, POWER], ids=["perfect", "power law"])
-def test_iterated_is_limited_by_the_integration_of_the_workpiece_alone(law, tmp_path):
+def test_iterated_is_limited_by_the_integration_of_the_workpiece_alone(law, tmp_path, verified):
     """Second order with the midpoint scheme, first with the explicit one, as the shift of the body is."""
     errors = [error(column(tmp_path, n, law=law)[0], law) for n in (10, 20)]
-    assert abs(errors[0]) < 4e-3 and abs(errors[1]) < 2 * LEFT
+    assert abs(errors[0]) < 4e-3
+    entry, of = ("10.1", "perfect") if law == PERFECT else ("10.3", "power law")
+    verified(entry, f"error of the height, iterated, 20 steps, {of}", errors[1], 0.0, within=2 * LEFT, unit="mm",
+             absolute=True)
     first, second = (error(column(tmp_path, n, law=law, scheme="explicit")[0], law) for n in (20, 40))
     assert first / second == pytest.approx(2.0, rel=0.1)
 
