@@ -303,9 +303,17 @@ class RigidContact:
             return 2 / np.sqrt(3) * flow_stress
         pressure = tool.state.pressure
         if tool.friction.depends_on_pressure:
-            # the pressure at the points of a penalty contact oscillates; its nodal mean does not
-            pressure = np.maximum(self.facets.smooth(pressure, self.weights), 0.0)
+            pressure = self._nodal_mean(pressure, tool.state.grip)
         return tool.friction.limit(pressure, flow_stress)
+
+    def _nodal_mean(self, pressure: np.ndarray, grip: np.ndarray) -> np.ndarray:
+        """Pressure that friction depends on, MPa: at the points of a penalty contact it oscillates, its nodal mean does not.
+
+        What the mean gives to open points, where nothing rubs, is shared out among the others: all of the force rubs.
+        """
+        mean = np.maximum(self.facets.smooth(pressure, self.weights), 0.0)
+        given, rubbing = self.facets.integral(self.weights[:, None] * np.stack([pressure, mean * grip], axis=1))
+        return mean * (given / rubbing if rubbing > 0 else 1.0)
 
     def augment(self) -> None:
         """Augmented-Lagrange update: the traction found so far becomes the multiplier (zero where contact is open)."""
