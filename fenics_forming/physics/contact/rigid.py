@@ -307,7 +307,7 @@ class RigidContact:
         return tool.friction.limit(pressure, flow_stress)
 
     def _nodal_mean(self, pressure: np.ndarray, grip: np.ndarray) -> np.ndarray:
-        """Pressure that friction depends on, MPa: at the points of a penalty contact it oscillates, its nodal mean does not.
+        """Pressure that friction depends on, MPa: that at the points of a penalty contact oscillates, its nodal mean not.
 
         What the mean gives to open points, where nothing rubs, is shared out among the others: all of the force rubs.
         """
