@@ -45,6 +45,16 @@ class History:
         history._file_is_ours = not cut_off
         return history
 
+    @classmethod
+    def of_run(cls, folder: Path | None, comm=None, *, resume_after: int | None = None) -> History:
+        """That of a run: new, in its folder or in memory; of a resumed one up to the step it goes on after. Collective."""
+        path = None if folder is None else folder / "history.csv"
+        if path is None or resume_after is None:
+            return cls(path, comm)
+        history = cls.read(path, comm)
+        history.truncate_after(resume_after)
+        return history
+
     def append(self, row: dict[str, float]) -> None:
         """Add a row and write it. Collective.
 

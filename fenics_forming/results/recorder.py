@@ -43,7 +43,6 @@ class Recorder:
         self.bodies = BodyRecord(simulation)
         self.motion = MotionRecord(simulation, self.bodies.copies)
         self.iterations, self._last_frame = 0, -1
-        history = None if self.out is None else self.out / "history.csv"
         self.fields = self.lines = self.contact_forces = self.tool_heat = None
         if self.out is not None:
             on_rank_zero(self.comm, lambda: self._clear() if resume_after is None else None)
@@ -60,13 +59,9 @@ class Recorder:
         if any(deformation.tool is not None for deformation in simulation.deforming):
             from .tool_frames import ToolFrames
             self.tools = ToolFrames(self.scene, simulation.deforming, self.out, self.comm, resume_after=resume_after)
-        if history is not None and resume_after is not None:
-            self.history = History.read(history, self.comm)
-            self.history.truncate_after(resume_after)
-            for row in self.history.rows:
-                self.bodies.damage_news(row)
-        else:
-            self.history = History(history, self.comm)
+        self.history = History.of_run(self.out, self.comm, resume_after=resume_after)
+        for row in self.history.rows:
+            self.bodies.damage_news(row)
         self._began, self._cpu = perf_counter(), process_time()     # the run itself: writers and their imports stand
 
     def _clear(self) -> None:

@@ -39,12 +39,7 @@ class ToolRecorder:
         if self.out is not None:
             on_rank_zero(self.comm, self._clear if resume_after is None else lambda: None)
             self.fields = FieldWriter(self.out, self.comm, resume_after=resume_after)
-        history = None if self.out is None else self.out / "history.csv"
-        if history is not None and resume_after is not None:
-            self.history = History.read(history, self.comm)
-            self.history.truncate_after(resume_after)
-        else:
-            self.history = History(history, self.comm)
+        self.history = History.of_run(self.out, self.comm, resume_after=resume_after)
         self.summary: dict = {}
         self._began, self._cpu = perf_counter(), process_time()
 
