@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 
 from ...units import AngularSpeed, Length, Number, Positive, Vector
 from ..described import at_key
-from .drive import Translation, check_direction, check_spin, unit
+from .drive import Directed, Translation, check_direction, check_spin
 
 
-class CrankPressDrive(Translation):
+class CrankPressDrive(Directed, Translation):
     r"""One stroke of a crank press: down to the dead centre, up again to the top, where it stays.
 
     With the angle :math:`\varphi` before the bottom dead centre, :math:`\dot\varphi=-\omega`, the ram is at the height
@@ -45,14 +45,6 @@ class CrankPressDrive(Translation):
             sentence = f"{self.dead_centre:g} mm above the dead centre is more than the stroke {2 * self.radius:g} mm"
             raise at_key("dead_centre", sentence, self.dead_centre, f"at most {2 * self.radius:g}")
         return self
-
-    @property
-    def dimension(self):
-        return len(self.given_direction)
-
-    @property
-    def direction(self):
-        return unit(self.given_direction)
 
     @property
     def start_height(self):

@@ -122,6 +122,20 @@ class Drive(Described):
         return self.direction is not None or self.angular_velocity(0.0) != 0
 
 
+class Directed:
+    """For drives along a direction that the user gives, of any length, as ``given_direction``."""
+
+    @property
+    def dimension(self):
+        """2 or 3, the number of components of the direction."""
+        return len(self.given_direction)
+
+    @property
+    def direction(self):
+        """Unit vector, shape (dimension,)."""
+        return unit(self.given_direction)
+
+
 class Translation(Drive):
     """A drive that translates the tool and may turn it too; ``stiffness`` is that of the press frame, N/mm (in plane strain
     per mm of thickness), by which the tool yields along the direction of the drive."""

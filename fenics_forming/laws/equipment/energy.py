@@ -8,12 +8,12 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ...units import Count, Energy, Length, List, NonNegative, Number, Positive, Time, Vector, Within
 from ..described import at_key
-from .drive import Translation, check_direction, check_spin, listed, unit
+from .drive import Directed, Translation, check_direction, check_spin, listed
 
 Energies = Annotated[List(Positive(Energy)), BeforeValidator(listed)]
 
 
-class EnergyDrive(Translation):
+class EnergyDrive(Directed, Translation):
     r"""A ram whose energy the body takes, blow by blow; its motion is known only together with the force it meets.
 
     With the force F on the tool, the moving mass M and the share :math:`\eta` of the energy that forms,
@@ -64,14 +64,6 @@ class EnergyDrive(Translation):
     @property
     def spends_energy(self):
         return True
-
-    @property
-    def dimension(self):
-        return len(self.given_direction)
-
-    @property
-    def direction(self):
-        return unit(self.given_direction)
 
     def velocity(self, time):
         return self.impact_speed(self.energies[0]) * self.direction

@@ -9,13 +9,13 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ...units import ForceOrLineForce, List, Number, Positive, Speed, Time, Vector
 from ..described import at_key
-from .drive import Translation, check_direction, check_spin, listed, unit
+from .drive import Directed, Translation, check_direction, check_spin, listed
 
 Forces = Annotated[List(Positive(ForceOrLineForce)), BeforeValidator(listed)]
 STEEP = 1e-3     # share of the force over which the speed falls from the given one to nothing
 
 
-class ForceDrive(Translation):
+class ForceDrive(Directed, Translation):
     """Presses with a given force, no faster than a given speed: as fast as the body gives way to the force.
 
     Where the body resists less than the force, the tool moves with the speed; where it resists more, it stands still.
@@ -60,14 +60,6 @@ class ForceDrive(Translation):
     def yields_from(self):
         """Share of the force limit from which on the tool is slower than given."""
         return 1.0 - STEEP
-
-    @property
-    def dimension(self):
-        return len(self.given_direction)
-
-    @property
-    def direction(self):
-        return unit(self.given_direction)
 
     def velocity(self, time):
         return self.speed * self.direction

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from ...units import ForceOrLineForce, Length, Number, Positive, Speed, Vector, Within
 from ..described import Described, at_key
-from .drive import Translation, check_direction, check_spin, unit
+from .drive import Directed, Translation, check_direction, check_spin
 
 
 class SlowDown(Described):
@@ -22,7 +22,7 @@ class SlowDown(Described):
     speed: Positive(Speed)
 
 
-class HydraulicDrive(Translation):
+class HydraulicDrive(Directed, Translation):
     r"""A ram at constant speed, from a given stroke on at a lower one, that slows down before it reaches its force limit.
 
     Below the share s of the limit :math:`F_0` the speed is the given one, w; above, :math:`w\,(1-F/F_0)/(1-s)`.
@@ -60,14 +60,6 @@ class HydraulicDrive(Translation):
     def yields_from(self):
         """Share of the force limit from which on the tool is slower than given."""
         return self.slows_from
-
-    @property
-    def dimension(self):
-        return len(self.given_direction)
-
-    @property
-    def direction(self):
-        return unit(self.given_direction)
 
     @property
     def turning_times(self):

@@ -5,10 +5,10 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from ...units import Number, Positive, Stiffness, Vector
-from .drive import Drive, check_direction, unit
+from .drive import Directed, Drive, check_direction
 
 
-class SpringDrive(Drive):
+class SpringDrive(Directed, Drive):
     """Rests on a spring: the force on the body is the stiffness times the way by which it has been pushed back.
 
     Parameters
@@ -24,14 +24,6 @@ class SpringDrive(Drive):
     def _has_a_direction(self):
         check_direction(self.given_direction)
         return self
-
-    @property
-    def dimension(self):
-        return len(self.given_direction)
-
-    @property
-    def direction(self):
-        return unit(self.given_direction)
 
     @property
     def moves(self):
