@@ -22,6 +22,7 @@ from .shapes import ring_sector, side
 from .test_tools_elastic import STEEL, at_radius, radial, symmetric
 
 YIELDING = STEEL.replaced(yield_stress=240, hardening=2100)
+HOT = STEEL.replaced(expansion=1.2e-5)
 
 
 def side_by_side(*meshes):
@@ -112,6 +113,26 @@ def test_penalty_of_parts_may_be_a_tenth_to_ten_thousand_times_the_default(augme
         assert spent <= 4 * (1 + augmentations)
         if augmentations:
             assert solver.relative_penetration() < (1e-6 if factor >= 10 else 1e-5)
+
+
+@pytest.mark.parametrize("kind", ["plane_stress", "plane_strain"])
+def test_assembled_tool_that_cannot_yield_has_no_plastic_state(kind):
+    """Absent, not zero: no state at the points, one stiffness; and the answer of a yield stress that is never reached, with
+    its ledger, whether the parts are loaded on or heated."""
+    elastic, strong = (shrink_fit(kind, 12, 9, material=law) for law in (HOT, HOT.replaced(yield_stress=1e4)))
+    assert elastic.plastic is None and fields(elastic).plastic_strain is None
+    assert not any(isinstance(value, np.ndarray) and len(value) == len(elastic.body.volumes)
+                   for value in vars(elastic.bulk).values())
+    for solver in (elastic, strong):
+        bore = Pressure(at_radius(solver.body.nodes.mesh, 20), 180)
+        solver.solve([bore], steps=2)
+        solver.body.set_temperature(80.0, 20.0)
+        solver.solve([bore], steps=1)
+    one, other = fields(elastic), fields(strong)
+    assert one.stress == pytest.approx(other.stress, abs=1e-5)
+    assert one.displacement == pytest.approx(other.displacement, abs=1e-9)
+    assert [elastic.external_work, elastic.thermal_work] == pytest.approx([strong.external_work, strong.thermal_work])
+    assert elastic.compliance(np.array([5, 40])) == pytest.approx(strong.compliance(np.array([5, 40])), rel=1e-6)
 
 
 def test_shrunk_insert_holds_more_pressure_before_it_yields():

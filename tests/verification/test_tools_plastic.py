@@ -199,9 +199,8 @@ def test_tangent_is_the_derivative_of_the_internal_forces(kind, law):
     step = 1e-8
     difference = (forces(step) - forces(-step)) / (2 * step)
     forces(0.0)
-    tangents = solver._tangents[:, solver._upper[0], solver._upper[1]]
-    solver._tangent.x.array[: tangents.size] = tangents.ravel()
-    matrix = fem_petsc.assemble_matrix(solver._tangent_form)
+    solver.bulk.pack()
+    matrix = fem_petsc.assemble_matrix(solver.bulk.tangent_form)
     matrix.assemble()
     direction, product = matrix.createVecs()
     direction.array[body.dofs] = along

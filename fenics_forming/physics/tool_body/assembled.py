@@ -20,6 +20,7 @@ from ..contact.parts import UNLIMITED, PartContactField
 from ..linear import DirectSolver
 from ..parallel import highest, total
 from .body import ToolBody
+from .bulk import ElasticBulk, PlasticBulk
 from .compliance import compliance, global_dofs
 from .elastic import set_held_rows
 from .field import at_nodes
@@ -72,7 +73,7 @@ class AssembledSolver(PlasticSolver):
 
     def __init__(self, body: ToolBody, contacts, settings: ToolSettings = ToolSettings(), *, penalty_factor: float = 10.0,
                  augmentations: int = 10, penetration: float = 1e-6):
-        super().__init__(body, settings)
+        super().__init__(body, settings)        # of a body that cannot yield without any state at its points
         self.augmentations, self.penetration, self.factorisations = augmentations, penetration, 0
         dofs = global_dofs(body, np.arange(body.nodes.count))
         self.contacts = [
@@ -94,8 +95,12 @@ class AssembledSolver(PlasticSolver):
         self._find_limits()
         self._refuse_unlimited()
         self._respond()
-        self._balanced, self._accepted_tangents = self._forces, self._tangents
+        self._balanced = self._forces
+        self.bulk.accept(None)
         self._touching = False
+
+    def _bulk(self) -> PlasticBulk | ElasticBulk:
+        return PlasticBulk(self.body) if self.body.yields else ElasticBulk(self.body, self.factor.form)
 
     def set_interference(self, part: float) -> None:
         """Let the parts of the next solve overlap by a part of what is declared: a way to bring it on in steps."""
@@ -160,7 +165,7 @@ class AssembledSolver(PlasticSolver):
 
     def compliance(self, dofs: np.ndarray) -> np.ndarray:
         """See `compliance.compliance`, by the tangent of the parts and of the contact that is closed now. Collective."""
-        self._tangents = self._accepted_tangents
+        self.bulk.use_accepted_tangent()
         self._factorise_tangent()
         return compliance(self.body, self._direct, dofs)
 
@@ -170,9 +175,9 @@ class AssembledSolver(PlasticSolver):
 
     def go_back(self, state: tuple) -> None:
         """Take over what :meth:`state` gave."""
-        for contact, then in zip(self.contacts, state[2], strict=True):
+        for contact, then in zip(self.contacts, state[-1], strict=True):
             contact.state = copy.deepcopy(then)
-        super().go_back(state[:2])
+        super().go_back(state[:-1])
 
     def _advice(self) -> str:
         slide = "its parts slide or part, and nothing else holds them: try smaller loads, more friction or supports"
@@ -196,7 +201,8 @@ class AssembledSolver(PlasticSolver):
     def _take_back(self) -> None:
         self._touching = self._fresh
         super()._take_back()
-        self._touching, self._tangents = False, self._accepted_tangents     # the next increment starts with them
+        self._touching = False
+        self.bulk.use_accepted_tangent()        # the next increment starts with it
 
     def _accept(self, force: PETSc.Vec) -> None:
         super()._accept(force)
@@ -283,11 +289,11 @@ class AssembledSolver(PlasticSolver):
             self.body.displacement.x.array[:] -= self._increment.x.array
 
     def _factorise_tangent(self) -> None:
-        now = [self._tangents] + [contact.tangents for contact in self.contacts]
+        now = [self.bulk.tangents] + [contact.tangents for contact in self.contacts]
         known = self._factorised is not None and all(map(np.array_equal, now, self._factorised))
         if total(self.body.nodes.comm, float(known)) == self.body.nodes.comm.size:
             return
-        self._write_tangent()
+        self._matrix = self.bulk.tangent(self._matrix)
         if self._merged is None:
             self._merged = self._matrix.copy()
             structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN

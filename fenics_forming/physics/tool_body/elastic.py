@@ -86,6 +86,22 @@ def set_held_rows(body: ToolBody, vector: PETSc.Vec, since: fem.Function | None 
     vector.array[body.dofs[own]] = go[own]
 
 
+def elastic_forces_form(body: ToolBody) -> fem.Form:
+    """The virtual work of the elastic stresses and spread springs at the displacement of now."""
+    return fem.form(sum(body.elastic_terms(body.displacement, ufl.TestFunction(body.space)).values()))
+
+
+def elastic_forces(body: ToolBody, form: fem.Form) -> PETSc.Vec:
+    """Nodal forces that elastic stresses and all springs hold in balance, N. Collective."""
+    vector = body.new_vector()
+    fem_petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    body.add_point_springs(vector)
+    if body.heating is not None:
+        vector.axpy(-1.0, body.heating.forces(body.heating.strain))
+    return vector
+
+
 class ElasticSolver:
     """Solve an elastic tool for one load case after the other.
 
@@ -136,17 +152,9 @@ class ElasticSolver:
 
     def internal_forces(self) -> PETSc.Vec:
         """Nodal forces that the stresses and springs hold in balance, N."""
-        body = self.body
         if self._internal is None:
-            terms = body.elastic_terms(body.displacement, ufl.TestFunction(body.space))
-            self._internal = fem.form(sum(terms.values()))
-        vector = body.new_vector()
-        fem_petsc.assemble_vector(vector, self._internal)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        body.add_point_springs(vector)
-        if body.heating is not None:
-            vector.axpy(-1.0, body.heating.forces(body.heating.strain))
-        return vector
+            self._internal = elastic_forces_form(self.body)
+        return elastic_forces(self.body, self._internal)
 
     @property
     def thermal_work(self) -> float:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..contact.holding import Hold
-from .plastic import PlasticState
+from .elastic import ElasticSolver
 
-_NUMBERS = ("external_work", "plastic_work", "thermal_work", "reached", "cuts", "_held", "_largest_force", "_flows")
+_NUMBERS = ("external_work", "plastic_work", "thermal_work", "reached", "cuts", "_held", "_largest_force")
 
 
 @dataclass
@@ -30,15 +30,13 @@ def memory_of(solver) -> ToolMemory:
     """The accepted state of a solver. Collective."""
     body = solver.body
     nodal = {"displacement": body.nodal(), "force": body.nodal_forces(solver.force)}
-    if solver.plastic is None:
+    if isinstance(solver, ElasticSolver):
         return ToolMemory({"held": body.held_part}, nodal)
     nodal["balanced"] = body.nodal_forces(solver._balanced)
-    cells, state = len(body.nodes.cells), solver.plastic
-    cellwise = {"stress": state.stress, "strain": state.strain, "plastic_strain": state.plastic_strain,
-                "effective": state.effective, "tangents": solver._accepted_tangents}
+    cells, cellwise = len(body.nodes.cells), dict(solver.bulk.cellwise())
     if solver._accepted_heat is not None:
         cellwise["heat"] = solver._accepted_heat
-    numbers = {name: getattr(solver, name) for name in _NUMBERS} | {"held": body.held_part}
+    numbers = {name: getattr(solver, name) for name in _NUMBERS} | {"held": body.held_part, "flows": solver.bulk.flows}
     contacts = getattr(solver, "contacts", ())
     numbers["works"] = [contact.works().tolist() for contact in contacts]
     return ToolMemory(numbers, nodal, {name: values.reshape(cells, -1) for name, values in cellwise.items()},
@@ -51,16 +49,13 @@ def remember(solver, memory: ToolMemory) -> None:
     body.displacement.x.array[body.dofs.ravel()] = memory.nodal["displacement"].ravel()
     body.set_held(memory.numbers["held"])
     solver.force = _vector(body, memory.nodal["force"])
-    if solver.plastic is None:
+    if isinstance(solver, ElasticSolver):
         return
     for name in _NUMBERS:
         setattr(solver, name, memory.numbers[name])
     solver._balanced = _vector(body, memory.nodal["balanced"])
     solver._accepted = body.displacement.x.array.copy()
-    shapes = {name: getattr(solver.plastic, name).shape for name in ("stress", "strain", "plastic_strain", "effective")}
-    solver.plastic = PlasticState(**{name: memory.cellwise[name].reshape(shape) for name, shape in shapes.items()})
-    width = len(body.state.held)
-    solver._accepted_tangents = solver._tangents = memory.cellwise["tangents"].reshape(-1, width, width)
+    solver.bulk.remember(memory.cellwise, memory.numbers["flows"])
     if body.heating is not None and "heat" in memory.cellwise:
         solver._accepted_heat = memory.cellwise["heat"].ravel()
     contacts, first = getattr(solver, "contacts", ()), body.nodes.comm.rank == 0

@@ -1,7 +1,7 @@
 r"""The elastic-plastic tool: Newton's iteration with the consistent tangent, load steps that are cut where it fails.
 
-The first increment of a step uses the elastic factorisation, which is there already: it is right when the tool unloads,
-and the tangent that follows is that of points which flow in this step.
+What the material answers is in ``bulk``.  The first increment of a step uses the elastic factorisation, which is there
+already: it is right when the tool unloads, and the tangent that follows is that of points which flow in this step.
 """
 
 from __future__ import annotations
@@ -9,19 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from time import perf_counter
 
-import basix.ufl
 import numpy as np
-import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from ..linear import DirectSolver
-from ..parallel import total
-from .body import DEGREE, ToolBody
+from .body import ToolBody
+from .bulk import ElasticBulk, PlasticBulk, PlasticState
 from .compliance import compliance
-from .elastic import ElasticFactor, constrained_matrix, set_held_rows
+from .elastic import ElasticFactor, set_held_rows
 
 RUNAWAY = 1e6      # an imbalance as many times the usual forces comes from displacements that only grow
 
@@ -44,16 +41,6 @@ class ToolSettings:
     smallest_step: float = 1e-3
 
 
-@dataclass(frozen=True)
-class PlasticState:
-    """The state at the points: stress, strain, plastic strain (p, c), and effective plastic strain (p,)."""
-
-    stress: np.ndarray
-    strain: np.ndarray
-    plastic_strain: np.ndarray
-    effective: np.ndarray
-
-
 class PlasticSolver:
     """Solve an elastic-plastic tool for one set of loads after the other; its state is that of the last accepted step.
 
@@ -67,28 +54,25 @@ class PlasticSolver:
     def __init__(self, body: ToolBody, settings: ToolSettings = ToolSettings()):
         self.body, self.settings, self.factor = body, settings, ElasticFactor(body)
         self.seconds = {"elastic solve": 0.0, "points": 0.0, "assembly": 0.0, "tangent solve": 0.0}
-        mesh, k = body.nodes.mesh, len(body.state.held)
-        self._upper = np.triu_indices(k)
-        element = lambda size: basix.ufl.quadrature_element(  # noqa: E731
-            mesh.basix_cell().name, value_shape=(size,), degree=DEGREE)
-        self._stress = fem.Function(fem.functionspace(mesh, element(k)), name="stress")
-        self._tangent = fem.Function(fem.functionspace(mesh, element(len(self._upper[0]))), name="tangent")
-        du, w = ufl.TrialFunction(body.space), ufl.TestFunction(body.space)
-        self._internal = fem.form(sum(body.plastic_terms(self._stress, w).values()))
-        self._tangent_form = fem.form(sum(body.plastic_tangents(self._tangent, du, w).values()))
+        self.bulk = self._bulk()
         self._matrix: PETSc.Mat | None = None
         self._direct: DirectSolver | None = None
         self._increment = fem.Function(body.space)
-        points, c = len(body.volumes), body.state.components
-        self.plastic = PlasticState(*(np.zeros((points, c)) for _ in range(3)), np.zeros(points))
-        self._trial = self.plastic
         self.force = body.new_vector()
         self.external_work = self.plastic_work = self.thermal_work = 0.0
         self.reached, self._held, self._largest_force, self.cuts = 1.0, 0.0, 0.0, 0
         self._forces = self.force.copy()
         self._balanced = self._forces           # internal forces of the accepted state
         self._accepted = body.displacement.x.array.copy()
-        self._flows, self._accepted_heat = False, None
+        self._accepted_heat: np.ndarray | None = None
+
+    def _bulk(self) -> PlasticBulk | ElasticBulk:
+        return PlasticBulk(self.body)
+
+    @property
+    def plastic(self) -> PlasticState | None:
+        """The accepted state at the points; None of a body that cannot yield."""
+        return self.bulk.plastic
 
     # ------------------------------------------------------------------ loading
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
@@ -181,6 +165,7 @@ class PlasticSolver:
         """Go a part of the way to the wanted thermal strain; the forces are those of the stress that it leaves."""
         heating = self.body.heating
         if heating is not None:
+            self.bulk.heats()
             change = part * (heating.wanted - self._thermal)
             heating.strain = self._thermal + change
             self._forces = self._forces.copy()
@@ -210,7 +195,7 @@ class PlasticSolver:
     def _factorise_tangent(self) -> None:
         """The consistent tangent of the last response at the points, factorised."""
         start = perf_counter()
-        self._write_tangent()
+        self._matrix = self.bulk.tangent(self._matrix)
         assembled = perf_counter()
         if self._direct is None:
             self._direct = DirectSolver(self._matrix)
@@ -218,39 +203,13 @@ class PlasticSolver:
         self.seconds["assembly"] += assembled - start
         self.seconds["tangent solve"] += perf_counter() - assembled
 
-    def _write_tangent(self) -> None:
-        tangents = self._tangents[:, self._upper[0], self._upper[1]]
-        self._tangent.x.array[: tangents.size] = tangents.ravel()
-        self._matrix = constrained_matrix(self.body, self._tangent_form, self._matrix)
-
     def _respond(self) -> bool:
-        """Stresses and tangents at the points for the present displacement; whether any point flows. Collective."""
+        """Forces for the present displacement; whether any point flows. Collective."""
         start = perf_counter()
-        body, before = self.body, self.plastic
-        strain = body.point_strain()
-        if body.state.is_plane_stress:
-            strain[:, 2] = before.strain[:, 2]
-        stress, plastic = np.empty_like(strain), before.plastic_strain.copy()
-        effective, flowing = before.effective.copy(), 0
-        self._tangents = np.empty((len(strain),) + 2 * (len(body.state.held),))
-        for law, cells in body.parts:
-            rows = body.points_of(cells)
-            own = strain[rows]
-            found = body.state.return_map(law, own, plastic[rows], effective[rows])
-            strain[rows], stress[rows], plastic[rows] = own, found.stress, found.plastic_strain
-            effective[rows] = found.effective
-            self._tangents[rows] = body.state.narrowed_tangent(found.tangent)
-            flowing += np.count_nonzero(found.yielding)
-        self._trial = PlasticState(stress, strain, plastic, effective)
-        self._write_stress(stress)
-        self.seconds["points"] += perf_counter() - start
-        self._trial_flows = total(body.nodes.comm, float(flowing)) > 0
-        return self._trial_flows
-
-    def _write_stress(self, stress: np.ndarray) -> None:
-        narrow = self.body.state.narrowed(stress)
-        self._stress.x.array[: narrow.size] = narrow.ravel()
+        flowing = self.bulk.respond()
         self._forces = self.internal_forces()
+        self.seconds["points"] += perf_counter() - start
+        return flowing
 
     def _imbalance(self, target: PETSc.Vec) -> float:
         """Norm of the forces that do not balance, N."""
@@ -269,19 +228,16 @@ class PlasticSolver:
 
     # ------------------------------------------------------------------ accepting
     def _accept(self, force: PETSc.Vec) -> None:
-        """The trial state becomes the state; works by the trapezoidal rule, which is exact for the elastic part."""
-        body, before, after = self.body, self.plastic, self._trial
-        mean = 0.5 * (before.stress + after.stress)
-        work = np.einsum("pi,pi->p", mean, after.plastic_strain - before.plastic_strain) @ body.volumes
-        self.plastic_work += float(total(body.nodes.comm, work))
+        """The trial state becomes the state."""
+        body = self.body
+        heated = None if body.heating is None else body.heating.strain - self._thermal
+        plastic, thermal = self.bulk.accept(heated)
+        self.plastic_work += plastic
+        self.thermal_work += thermal
         self.external_work += self._work_done(force)
-        if body.heating is not None:
-            work = mean[:, :3].sum(axis=1) * (body.heating.strain - self._thermal)
-            self.thermal_work += float(total(body.nodes.comm, work @ body.volumes))
-            self._accepted_heat = body.heating.strain
-        self.plastic, self.force, self._balanced, self._held = after, force, self._forces, body.held_part
+        self._accepted_heat = None if body.heating is None else body.heating.strain
+        self.force, self._balanced, self._held = force, self._forces, body.held_part
         self._accepted = body.displacement.x.array.copy()
-        self._flows, self._accepted_tangents = self._trial_flows, self._tangents
         self._largest_force = self._usual_force(force)
 
     def _work_done(self, force: PETSc.Vec) -> float:
@@ -301,12 +257,13 @@ class PlasticSolver:
     def state(self) -> tuple:
         """The accepted state, for :meth:`go_back`: nothing in it is changed any more."""
         kept = {name: value for name, value in vars(self).items() if name in _STATE}
-        return kept, self.body.held_part
+        return kept, self.bulk.state(), self.body.held_part
 
     def go_back(self, state: tuple) -> None:
         """Take over what :meth:`state` gave."""
         vars(self).update(state[0])
-        self.body.set_held(state[1])
+        self.bulk.go_back(state[1])
+        self.body.set_held(state[2])
         self._take_back()
 
     def _take_back(self) -> None:
@@ -314,34 +271,30 @@ class PlasticSolver:
         self.body.displacement.x.array[:] = self._accepted
         if self.body.heating is not None:
             self.body.heating.strain = self._thermal
-        self._trial = self.plastic
-        self._write_stress(self.plastic.stress)
+        self.bulk.take_back()
+        self._forces = self.internal_forces()
 
     # ------------------------------------------------------------------ what others ask
     def compliance(self, dofs: np.ndarray) -> np.ndarray:
         """See `compliance.compliance`: by the consistent tangent of the last step, the elastic one if no point flowed in
         it. Collective."""
-        if self._flows:
-            self._tangents = self._accepted_tangents
+        if self.bulk.flows:
+            self.bulk.use_accepted_tangent()
             self._factorise_tangent()
             return compliance(self.body, self._direct, dofs)
         return compliance(self.body, self.factor.direct, dofs)
 
     def point_stress(self) -> np.ndarray:
         """Stresses at the points, (p, c), MPa."""
-        return self.plastic.stress
+        return self.bulk.point_stress()
 
     def internal_forces(self) -> PETSc.Vec:
         """Nodal forces that the stresses and springs hold in balance, N."""
-        vector = self.body.new_vector()
-        fem_petsc.assemble_vector(vector, self._internal)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        self.body.add_point_springs(vector)
-        return vector
+        return self.bulk.forces()
 
 
-_STATE = ("plastic", "force", "external_work", "plastic_work", "thermal_work", "reached", "cuts", "_held", "_largest_force",
-          "_balanced", "_accepted", "_flows", "_accepted_heat", "_accepted_tangents")
+_STATE = ("force", "external_work", "plastic_work", "thermal_work", "reached", "cuts", "_held", "_largest_force",
+          "_balanced", "_accepted", "_accepted_heat")
 
 
 def _between(start: PETSc.Vec, end: PETSc.Vec, part: float) -> PETSc.Vec:
