@@ -6,6 +6,7 @@ import numpy as np
 
 from ..physics.contact.tool_surface import ToolSurface
 from ..physics.tool_body import NodalForces, ToolField
+from ..physics.tool_body.memory import ToolMemory
 from ..scene import Scene
 from .tool_bodies import tool_body
 from .tool_loading import LoadedTool
@@ -64,6 +65,16 @@ class ElasticTool:
     def field(self) -> ToolField:
         """Stresses and displacements of the last solve. Collective."""
         return self.loaded.field()
+
+    def memory(self) -> ToolMemory:
+        """What a resumed run goes on from, of a tool with a history. Collective."""
+        self.take_back()
+        return self.loaded.memory()
+
+    def remember(self, memory: ToolMemory) -> None:
+        """Take over what :meth:`memory` gave. Collective."""
+        self.loaded.remember(memory)
+        self.accept()
 
     # ------------------------------------------------------------------ going back
     def accept(self) -> None:

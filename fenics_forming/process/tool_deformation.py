@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import ConvergenceError, SceneError
+from ..errors import ConvergenceError
 from ..physics.contact.free_motions import RigidMotions
 from ..scene import Scene, copies
 from .stability import LARGEST, Stability, rate_sensitivity
@@ -228,18 +228,11 @@ class Deformation:
                 "sensitivity": self._sensitivity, "force": self._force, "deflection": self.deflection,
                 "reaction": self.reaction.tolist()}
 
-    def remember(self, body, memory: dict) -> None:
-        """Take over what :meth:`memory` gave.
-
-        Raises
-        ------
-        SceneError
-            for a tool that yields or has parts, whose inner state no checkpoint holds.
-        """
-        if self.tool is not None and self.tool.follows_a_tangent:
-            raise SceneError("yields or has parts, and a checkpoint does not hold its inner state; run without --resume",
-                             key=f"tools.{self.name}")
+    def remember(self, body, memory: dict, stiffness: np.ndarray | None = None) -> None:
+        """Take over what :meth:`memory` gave, and the stiffness of the motions then, where it may have changed."""
         self.motions.remember(memory["motions"])
+        if stiffness is not None:
+            self.motions.stiffness = stiffness
         self.fallen_back, self.solved_at, self._steps = memory["fallen_back"], memory["solved_at"], memory["steps"]
         self._sensitivity = memory["sensitivity"]
         self._force, self.deflection, self.reaction = memory["force"], memory["deflection"], np.array(memory["reaction"])

@@ -47,6 +47,7 @@ class ToolSide:
         self._as_shifted = self.x[self.boundary]
         reach = self.reach + np.broadcast_to(slack, len(self.x))[self.boundary]
         self.sunk = put_on_tools(self.x, self.tools, self.boundary, held, reach) if self.tools else 0.0
+        self.x[self._held] = self._held_at      # where a tool slopes on a mirror plane, its normal leads away from there
         self.seconds["shifting"] += perf_counter() - start
 
     def _pressed_nodes(self) -> dict[str, np.ndarray]:
@@ -69,6 +70,7 @@ class ToolSide:
             if tool.name in changed and tool.name in carried:
                 every = {tool.name: np.ones(len(self.x), bool)}
                 put_on_tools(self.x, [tool], carried[tool.name], every, np.inf)
+        self.x[self._held] = self._held_at
         inside = np.ones(len(self.x), bool)
         inside[self.boundary] = False
         self.x[inside] += self.nodes.with_mids(self.x - before)[inside]      # mid-nodes half-way with their ends

@@ -36,6 +36,7 @@ class Checkpoint:
     nodal, cellwise : arrays by name, rows in the order of the mesh as it was given, or local to a `Nodes`
     facetwise : arrays by name as `gather_facets` makes them, never local
     between : the same for every pair of bodies that may touch
+    whole : arrays by name that belong to no place of the mesh, the same on all ranks
     positions : (nodes, dim) mm, where the nodes lay; rows as in ``nodal``
     cells : (cells, nodes per cell) rows of the nodes, basix order, in the order of the mesh as it was given
     """
@@ -47,6 +48,7 @@ class Checkpoint:
     cellwise: dict[str, np.ndarray] = field(default_factory=dict)
     facetwise: dict[str, np.ndarray] = field(default_factory=dict)
     between: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    whole: dict[str, np.ndarray] = field(default_factory=dict)
 
     def mesh(self, comm):
         """The mesh as it was, order 2, distributed over the ranks of ``comm``. Collective.
@@ -77,6 +79,7 @@ def save_checkpoint(
     facetwise: dict[str, np.ndarray] | None = None,
     facets: ContactFacets | None = None,
     between: dict[str, tuple] | None = None,
+    whole: dict[str, np.ndarray] | None = None,
 ) -> None:
     """Write the state of one body; an interrupted write leaves the checkpoint before it. Collective.
 
@@ -88,6 +91,7 @@ def save_checkpoint(
     cellwise : values per owned cell, (cells, …)
     facetwise : values at the points of the contact ``facets``, (points, k)
     between : pair of bodies → points on the surface of one of them, and values there by name, (points, k)
+    whole : arrays of any shape, the same on all ranks
     """
     path = Path(path)
     arrays = {"cells": gather_cells(nodes), "positions": gather_nodal(nodes, nodes.x)}
@@ -101,6 +105,7 @@ def save_checkpoint(
     for pair, (points, values) in (between or {}).items():
         gathered = gather_facets(nodes, points, values) or {}
         arrays |= {f"between.{pair}.{name}": array for name, array in gathered.items()}
+    arrays |= {f"whole.{name}": values for name, values in (whole or {}).items()}
     words = json.dumps(scalars, default=_plain)
 
     def write():
@@ -135,6 +140,7 @@ def load_checkpoint(path: Path | str, nodes: Nodes | None = None) -> Checkpoint:
         cellwise={name: scatter_cell_values(nodes, values) for name, values in loaded.cellwise.items()},
         facetwise=loaded.facetwise,
         between=loaded.between,
+        whole=loaded.whole,
     )
 
 
@@ -162,6 +168,7 @@ def _read(path):
                 cellwise=_named(file, "cellwise"),
                 facetwise=_named(file, "facetwise"),
                 between=_by_pair(_named(file, "between")),
+                whole=_named(file, "whole"),
             )
     except Exception as error:  # zipfile, zlib, numpy and json each have their own
         raise ResultsError(f"the checkpoint '{path}' is damaged or is not one: {error}") from error

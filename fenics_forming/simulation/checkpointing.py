@@ -17,6 +17,9 @@ def save(run, path: Path, state: State) -> None:
     w, contact = run.body.workpiece, run.body.contact
     numbers, remembered = run.scheme.memory()
     moving, moved, masses = (None, {}, {}) if run.body.inertia is None else run.body.inertia.memory()
+    if run.deforming:
+        from . import tool_states
+        tool_states.save(run, path, state.step)
     save_checkpoint(path, run.nodes, scalars={
         "step": state.step, "time": state.time, "paused": state.paused, "cooled": state.cooled,
         "dt": state.dt, "speed": run.body.speed,
@@ -56,10 +59,13 @@ def resumed(run, checkpoint: Checkpoint) -> State:
                                            if name.startswith("scheme.")})
     body.speed, workpiece.is_cold = saved["speed"], saved["at_rest"]
     body.rams.remember(saved["rams"])
-    deforming = {d.name: d for d in run.deforming}
+    deforming, stiffness = {d.name: d for d in run.deforming}, {}
+    if deforming:
+        from . import tool_states
+        stiffness = tool_states.remember(run, run.saved_at, saved["step"])
     for tool in body.tools:
         if tool.name in deforming:
-            deforming[tool.name].remember(body, saved["deforming"][tool.name])
+            deforming[tool.name].remember(body, saved["deforming"][tool.name], stiffness.get(tool.name))
         elif tool.free is not None:
             tool.free.remember(saved["free"][tool.name])
     if body.contact is not None:

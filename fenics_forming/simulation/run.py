@@ -56,7 +56,7 @@ class Simulation:
         tools, self.drives = known_tools(scene), drives_of(scene)
         equip(scene, tools, self.drives)
         self.deforming = self._deforming(tools)
-        self._saved = load_checkpoint(resume) if resume is not None else None
+        self.saved_at, self._saved = resume, None if resume is None else load_checkpoint(resume)
         body = self._placed(tools)
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]
         self.start_extents = np.array(body.nodes.extents()).tolist() if self._saved is None else \

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import fenics_forming as ff
-from fenics_forming.errors import SceneError
 from fenics_forming.physics.tool_body import NodalForces
 from fenics_forming.process.elastic_tool import ElasticTool
+from fenics_forming.results.files import ResultsError
 from fenics_forming.simulation.run import Simulation
 
 from .test_coupling_columns import Heard
@@ -219,6 +219,10 @@ stroke = "0.3 mm"
 """
 
 
+RUBBING = ASSEMBLED.replace('interference = "0.02 mm"',
+                            'interference = "0.02 mm"\nfriction = { law = "coulomb", coefficient = 0.1 }')
+
+
 def test_an_assembled_die_yields_about_as_one_in_one_piece(tmp_path):
     """A ring shrunk on holds the insert nearly as the same steel in one piece does: 5 % of the deflection under the billet,
     whose force is the same."""
@@ -279,12 +283,43 @@ def test_a_run_with_an_elastic_die_goes_on_as_if_it_had_not_been_interrupted(tmp
         assert len(a) == len(b) and np.abs(a - b).max() <= 1e-10 * max(1.0, np.abs(a).max()), name
 
 
-def test_a_die_with_an_inner_state_is_not_resumed_without_it(tmp_path):
+@pytest.mark.parametrize("mode", [pytest.param("stress_only", marks=pytest.mark.long), "separate",
+                                  pytest.param("coupled", marks=pytest.mark.long), "iterated"])
+@pytest.mark.parametrize("kind", ["yields", "has parts"])
+def test_a_run_with_a_die_that_has_an_inner_state_goes_on_as_if_it_had_not_been_interrupted(kind, mode, tmp_path):
+    """A die that yields, and one of two parts that rub on each other: stresses, strains, the state between the parts and
+    the tangent of the last step are in the checkpoint. To 1e-10 in every column."""
+    changes = [f"process.tool_deformation={mode}", "output.checkpoint_every=2"]
+    if kind == "yields":
+        changes += ["workpieces.strip.mesh_size='1.1 mm'", "tools.upper.mesh_size.contact=2", "steps.stroke=0.04",
+                    "materials.die_steel.yield_stress=250", "materials.die_steel.hardening=2000"]
+        text, half, end = STRIP, 0.12, 0.24
+    else:
+        changes += ["workpieces.billet.mesh_size=3", "tools.upper.parts.insert.mesh_size.contact=3"]
+        text, half, end = RUBBING, 0.2, 0.4
+    whole, _ = forming(tmp_path, *changes, f"stop.stroke={end}", text=text)
+    if kind == "yields":
+        assert whole.deforming[0].tool.solver.plastic.effective.max() > 1e-4
+    forming(tmp_path, *changes, f"stop.stroke={half}", text=text, out=tmp_path / "out")
+    resumed, _ = forming(tmp_path, *changes, f"stop.stroke={end}", text=text, resume=tmp_path / "out" / "checkpoint.npz",
+                         out=tmp_path / "out")
+    expected, found = (run._recorder.history for run in (whole, resumed))
+    assert len(expected) == len(found)
+    for name in expected.columns:
+        if name not in ("wall_s", "power_imbalance"):
+            a, b = expected.column(name), found.column(name)
+            assert np.abs(a - b).max() <= 1e-10 * max(1.0, np.abs(a).max()), name
+
+
+def test_states_of_tools_and_of_the_workpiece_must_be_of_one_step(tmp_path):
     changes = ("workpieces.strip.mesh_size='1.1 mm'", "tools.upper.mesh_size.contact=2", "output.checkpoint_every=1",
                "materials.die_steel.yield_stress=250")
     forming(tmp_path, *changes, "stop.stroke=0.01", out=tmp_path / "out")
-    with pytest.raises(SceneError, match="tools.upper: yields or has parts"):
-        forming(tmp_path, *changes, "stop.stroke=0.02", resume=tmp_path / "out" / "checkpoint.npz")
+    kept = (tmp_path / "out" / "checkpoint_upper.npz").read_bytes()
+    forming(tmp_path, *changes, "stop.stroke=0.02", out=tmp_path / "out")
+    (tmp_path / "out" / "checkpoint_upper.npz").write_bytes(kept)
+    with pytest.raises(ResultsError, match="of the tool 'upper' is of step 1, that of the workpiece of step 2"):
+        forming(tmp_path, *changes, "stop.stroke=0.03", resume=tmp_path / "out" / "checkpoint.npz")
 
 
 @pytest.mark.mpi

@@ -38,6 +38,7 @@ def memory_of(solver) -> ToolMemory:
         cellwise["heat"] = solver._accepted_heat
     numbers = {name: getattr(solver, name) for name in _NUMBERS} | {"held": body.held_part, "flows": solver.bulk.flows}
     contacts = getattr(solver, "contacts", ())
+    numbers["fresh"] = getattr(solver, "_fresh", False)
     numbers["works"] = [contact.works().tolist() for contact in contacts]
     return ToolMemory(numbers, nodal, {name: values.reshape(cells, -1) for name, values in cellwise.items()},
                       [_corners_of(contact) for contact in contacts])
@@ -63,6 +64,7 @@ def remember(solver, memory: ToolMemory) -> None:
         _take_corners(contact, corners)
         contact.friction_work, contact.interference_work = works if first else (0.0, 0.0)
     if contacts:
+        solver._fresh = memory.numbers["fresh"]
         solver._find_limits()
     solver._take_back()
 
