@@ -80,7 +80,8 @@ def compared(runs: dict[str, ff.Results], early: float) -> list[Compared]:
     rows = [Compared(what, column.at(stroke=LATE)[name], coupled.at(stroke=LATE)[name], 0.02, "coupled")
             for what, name in (("column: force at 24 mm, N", "force_upper_N"),
                                ("column: heat given to the die, J", "heat_to_upper_J"),
-                               ("column: face of the billet on the axis, °C", "face_temperature_degC"))]
+                               ("column: face of the billet on the axis, °C", "face_temperature_degC"),
+                               ("column: hottest place of the die, °C", "max_temperature_upper_degC"))]
     first = column.history.column("stroke_upper_mm") <= EARLY + 1e-6
     times, stroke = (column.history.column(name)[first] for name in ("time_s", "stroke_upper_mm"))
     closed = half_spaces(column.scene, times, pi * 20**2 * 60 / (60 - stroke))

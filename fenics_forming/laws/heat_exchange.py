@@ -24,11 +24,11 @@ def _at_least_one(value):
 
 
 class HeatExchange(Described):
-    """Base of what a tool does with heat: `acts`, and `coefficient` where it does."""
+    """Base of what a tool does with heat: `acts`, and `coefficient` where it does; `warms` where it becomes hotter."""
 
     model_config = ConfigDict(ignored_types=(bool,))
 
-    acts = True
+    acts, warms = True, False
 
 
 class NoExchange(HeatExchange):
@@ -52,7 +52,7 @@ class ConstantExchange(HeatExchange):
 
 
 class ColumnExchange(HeatExchange):
-    """Below every point of contact lies a column of the tool, infinitely deep and insulated from its neighbours.
+    """Below every point of its surface lies a column of the tool, infinitely deep and insulated from its neighbours.
 
     Parameters
     ----------
@@ -60,6 +60,7 @@ class ColumnExchange(HeatExchange):
     coefficient : mJ/s/mm^2/K.
     """
 
+    warms = True
     kind: Literal["column"] = "column"
     material: str | None = Field(None, description="the name of a material")
     temperature: Temperature
@@ -75,6 +76,7 @@ class CoupledExchange(HeatExchange):
     coefficient : mJ/s/mm^2/K. every : steps of the workpiece in a step of the tool's conduction.
     """
 
+    warms = True
     kind: Literal["coupled"] = "coupled"
     material: str | None = Field(None, description="the name of a material")
     temperature: Temperature

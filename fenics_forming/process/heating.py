@@ -12,22 +12,21 @@ from time import perf_counter
 import numpy as np
 
 from ..laws.heat_exchange import Air
-from ..physics.parallel import highest
-from ..physics.thermal import columns
+from ..physics.thermal.bed import Bed
 from ..physics.thermal.field import HeatField
 from ..physics.thermal.sources import PlasticHeat, friction_heat
 from .heat_surface import INSULATING, Surface, ToolExchange
 from .tool_heat import ToolHeat
 
 PLASTIC, FRICTION = "plastic", "friction"
-COLUMN, RATE = "heat.column.", "heat.rate."      # names in which columns and rates are carried along with the history
+RATE = "heat.rate."      # name in which rates are saved
 
 
 @dataclass(frozen=True)
 class HeatState:
     """What the next step of heat needs to know, and what the last one moved.
 
-    columns : tool → (nodes, modes) of the columns below the nodes · tools : tool → temperatures of its vertices, degC
+    columns : tool → the columns below its surface · tools : tool → temperatures of its vertices, degC
     waited : tool → steps and time, s, since heat was last conducted inside it
     drift : (nodes,) K/s, of the last step: change of temperature by conduction and exchange, without what was made
     hottest : tool with a temperature of its own → that of its hottest place, degC
@@ -35,7 +34,7 @@ class HeatState:
     cut_pairs : how many were left out in it (``Network.step``)
     """
 
-    columns: dict[str, np.ndarray] = field(default_factory=dict)
+    columns: dict[str, Bed] = field(default_factory=dict)
     tools: dict[str, np.ndarray] = field(default_factory=dict)
     waited: dict[str, tuple[int, float]] = field(default_factory=dict)
     hottest: dict[str, float] = field(default_factory=dict)
@@ -103,7 +102,7 @@ class BodyHeat:
         """The state at the start: the tools have got no heat yet."""
         below = [name for name, exchange in self.exchanges.items() if exchange.law.kind == "column"]
         count = self.field.nodes.count
-        return HeatState(columns={name: columns.at_rest(count) for name in below}, drift=np.zeros(count),
+        return HeatState(columns={name: Bed.untouched(self.field.nodes.dim) for name in below}, drift=np.zeros(count),
                          tools={name: tool.first() for name, tool in self.tool_heats.items()},
                          waited=dict.fromkeys(self.tool_heats, (0, 0.0)),
                          hottest={name: self.exchanges[name].law.temperature for name in [*below, *self.tool_heats]},
@@ -113,19 +112,12 @@ class BodyHeat:
     # ------------------------------------------------------------------ from mesh to mesh, from run to run
     def packed(self, state: HeatState) -> dict[str, np.ndarray]:
         """What of the state lives on the nodes, (nodes[, k]), by name: to be carried along with the history."""
-        return {"heat.drift": state.drift} | {f"{COLUMN}{name}": modes for name, modes in state.columns.items()}
+        return {"heat.drift": state.drift}
 
     def unpacked(self, packed: dict[str, np.ndarray], state: HeatState) -> tuple[dict[str, np.ndarray], HeatState]:
         """The history without the names of :meth:`packed`, and the state with what they held."""
         history = {name: values for name, values in packed.items() if not name.startswith("heat.")}
-        below = {name: packed[f"{COLUMN}{name}"] for name in state.columns}
-        return history, replace(state, drift=packed["heat.drift"], columns=below)
-
-    def spread(self, packed: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The same with the columns of the surface also at the nodes inside, which are nearest to them: so that those of a
-        new surface, which lies a little off the old one, are found between columns and not half-way to none. Collective."""
-        return packed | {name: self.field.from_surface(self.facets, values) for name, values in packed.items()
-                         if name.startswith(COLUMN)}
+        return history, replace(state, drift=packed["heat.drift"])
 
     def saved(self, state: HeatState, rates: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Nodal arrays (nodes[, k]) from which a run goes on, by name; ``rates`` of the present flow."""
@@ -133,15 +125,18 @@ class BodyHeat:
         return self.packed(state) | now | {"heat.capacity": self.field.capacity}
 
     def tool_memory(self, state: HeatState) -> dict:
-        """What of the state belongs to the meshes of tools, as JSON can hold it."""
-        return {name: {"temperature": state.tools[name], "waited": state.waited[name]} for name in self.tool_heats}
+        """What of the state belongs to tools, as JSON can hold it."""
+        fields = {name: {"temperature": state.tools[name], "waited": state.waited[name]} for name in self.tool_heats}
+        return fields | {name: bed.memory() for name, bed in state.columns.items()}
 
     def resumed(self, nodal: dict[str, np.ndarray], tools: dict) -> tuple[HeatState, dict[str, np.ndarray]]:
         """The state and the rates that :meth:`saved` and :meth:`tool_memory` took, with the capacities of then."""
         self.field.capacity = nodal["heat.capacity"]
         rates = {name.removeprefix(RATE): values for name, values in nodal.items() if name.startswith(RATE)}
-        start = replace(self.first(), tools={name: np.array(saved["temperature"]) for name, saved in tools.items()},
-                        waited={name: tuple(saved["waited"]) for name, saved in tools.items()})
+        first = self.first()
+        start = replace(first, tools={name: np.array(tools[name]["temperature"]) for name in first.tools},
+                        waited={name: tuple(tools[name]["waited"]) for name in first.tools},
+                        columns={name: Bed.remembered(tools[name], self.field.nodes.dim) for name in first.columns})
         return self.unpacked(nodal, start)[1], rates
 
     def continues(self, other: BodyHeat, before: dict[str, np.ndarray], history: dict[str, np.ndarray]
@@ -187,12 +182,11 @@ class BodyHeat:
             lost={name: total(values) for name, values in found.lost.items()})
 
     def _hottest(self, found) -> dict[str, float]:
-        """The hottest place of every tool with a temperature of its own, degC. Collective."""
+        """The hottest place of every tool with a temperature of its own, degC."""
         hottest = {name: float(temperatures.max()) for name, temperatures in found.tools.items()}
-        for name, modes in found.columns.items():
+        for name, bed in found.columns.items():
             exchange = self.exchanges[name]
-            rise = highest(self.field.nodes.comm, float(columns.rise(modes, 0.0).max(initial=0.0)))
-            hottest[name] = exchange.law.temperature + rise / exchange.effusivity
+            hottest[name] = exchange.law.temperature + float(bed.rise(exchange.effusivity, 0.0).max(initial=0.0))
         return hottest
 
     def parts_built(self) -> list[str]:

@@ -25,13 +25,14 @@ FINE = {2: 0.1, 3: 0.25}
 
 @dataclass(frozen=True)
 class Touch:
-    """Points of a workpiece that touch a tool: places in its frame (p, dim), mm, strength (p,), mW/K, and the vertices of
-    the workpiece (p, dim), by their numbers of all ranks, with their hats (p, dim)."""
+    """Points of a workpiece that touch a tool: places in its frame (p, dim), mm, strength (p,), mW/K, the vertices of the
+    workpiece (p, dim), by their numbers of all ranks, with their hats (p, dim), and the length of their side (p,), mm."""
 
     places: np.ndarray
     strength: np.ndarray
     vertices: np.ndarray
     hats: np.ndarray
+    side: np.ndarray
 
     def gathered(self, comm: MPI.Comm) -> Touch | None:
         """Those of all ranks on rank 0, None elsewhere. Collective."""
@@ -76,6 +77,13 @@ class ToolHeat:
     def nodal(self, temperature: np.ndarray) -> np.ndarray:
         """Temperatures of the vertices (v,) at the local nodes (nodes,), degC. Collective."""
         return self.field.scattered(temperature if self.nodes.comm.rank == 0 else None)
+
+
+def due(tool: ToolHeat, waited: tuple[int, float], dt: float) -> tuple[int, float]:
+    """Steps since heat was conducted inside a tool, this one included, and for how long it is conducted in this one, s: not
+    at all until its own step is over."""
+    steps, time = waited[0] + 1, waited[1] + dt
+    return steps, time if steps >= tool.law.every else 0.0
 
 
 def tool_heat(scene: Scene, known, comm) -> ToolHeat:

@@ -104,7 +104,7 @@ class Stepper:
         """The state on a new mesh, and the flow there; the old ones, and a note, where that fails."""
         old = self.body
         try:
-            carried = state.history if old.heat is None else old.heat.spread(state.history | old.heat.packed(state.heat))
+            carried = state.history if old.heat is None else state.history | old.heat.packed(state.heat)
             self.body, history, flow = self.keeper.renew(
                 old, self.scheme, carried, state.flow, reason=reason, step=state.step, time=state.time,
                 dt=state.dt)

@@ -13,6 +13,7 @@ from fenics_forming.physics.contact.rigid import KnownTool, ToolMotion
 from fenics_forming.physics.contact.surfaces import Plane
 from fenics_forming.physics.kinematics import KINDS
 from fenics_forming.physics.nodes import Nodes
+from fenics_forming.physics.thermal.bed import Bed
 from fenics_forming.physics.thermal.field import HeatField
 from fenics_forming.physics.thermal.network import Network
 from fenics_forming.process.heating import BodyHeat, ToolExchange
@@ -86,6 +87,48 @@ def test_heat_content_is_met_within_the_range_of_the_temperatures():
         assert np.abs(corrected - temperature).max() < 3.0
     even = np.full(nodes.count, 700.0)
     assert (field.with_content(even, field.content(even)) == even).all()
+
+
+# ---------------------------------------------------------------------- columns of a tool
+def test_a_patch_that_slides_leaves_warm_columns_behind_and_comes_upon_cold_ones():
+    """Flux q on a patch of width w at speed u: without heat along the surface the rise grows from its front to its end as
+    2 q/e √(t/π), t = (distance from the front)/u (Jaeger 1942), and fades behind as 2 q/e (√t - √(t - w/u)) / √π."""
+    width, speed, flux, effusivity, steps = 5.0, 100.0, 1e3, 12.0, 200
+    along, dt = (np.arange(400) + 0.5) / 400 * width, width / speed / 50
+    bed = Bed.untouched(2)
+    for step in range(1, steps + 1):
+        places = np.column_stack([along + speed * dt * step, np.full(400, 3.0)])
+        bed, below, shares = bed.touched(places, np.full(400, width / 400), 0.2)
+        bed = bed.advanced(np.bincount(below.ravel(), (shares * flux * width / 400 * dt).ravel(), len(bed.area)), dt)
+    x, rise = bed.corners[:, 0] * bed.spacing, bed.rise(effusivity, 0.0)
+    front = width + speed * dt * steps
+    since = (front - x) / speed
+    exact = 2 * flux / effusivity / np.sqrt(np.pi) * (np.sqrt(np.maximum(since, 0)) -
+                                                      np.sqrt(np.maximum(since - width / speed, 0)))
+    passed = since * speed / width      # the sharp end of the patch falls off by a tenth in half a column
+    middle = (passed > 0.1) & (np.abs(passed - 1.0) > 0.06) & (x > width + 1)
+    assert np.abs(rise - exact)[middle].max() < 0.02 * exact.max()
+    assert x[middle].size > 50 and rise[x > front + 0.2].max(initial=0.0) == 0.0
+    given = steps * dt * flux * width
+    assert bed.area @ bed.modes[:, 0] == pytest.approx(given, rel=1e-12), "the slowest mode does not fade: it counts heat"
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_surface_of_a_tool_belongs_to_its_columns_once(dim):
+    """Points on a round tool: their whole area is that of the columns, touched again nothing is new, and the columns that
+    were there first keep their numbers."""
+    rng = np.random.default_rng(3)
+    places = rng.normal(size=(3000, dim))
+    places *= 10 / np.linalg.norm(places, axis=1, keepdims=True)
+    area = np.full(3000, 0.01)
+    first, _, _ = Bed.untouched(dim).touched(places[:500], area[:500], 4.0)
+    bed, below, shares = first.touched(places, area, 9.0)
+    assert bed.spacing == first.spacing == 2.0 and bed.area.sum() == pytest.approx(30.0)
+    assert (bed.corners[: len(first.corners)] == first.corners).all()
+    np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+    assert np.abs(np.einsum("nk,nkd->nd", shares, bed.spacing * bed.corners[below]) - places).max() < 0.01
+    again, _, _ = bed.touched(places[::2], area[::2], 1.0)
+    assert len(again.area) == len(bed.area) and (again.area == bed.area).all()
 
 
 # ---------------------------------------------------------------------- scenes

@@ -115,16 +115,6 @@ class HeatField:
         room = self.content(towards)
         return shifted if room == 0 else shifted + min(missing / room, 1.0) * towards
 
-    def from_surface(self, facets, values: np.ndarray) -> np.ndarray:
-        """Nodal values (nodes[, k]) of a surface, at all nodes: those of the nearest vertex of the surface. Collective."""
-        mark = np.zeros(self.nodes.count)
-        mark[facets.facet_nodes[:, : self.nodes.dim]] = 1.0
-        on = self.nodes.sum_over_ranks(mark) * self.nodes.is_vertex > 0.5
-        rows = [self.nodes.comm.allgather(a[on]) for a in (self.nodes.x, values)]
-        places, known = (np.concatenate(part) for part in rows)
-        from scipy.spatial import cKDTree
-        return self.nodes.with_mids(known[cKDTree(places).query(self.nodes.x)[1]])
-
     # ------------------------------------------------------------------ on rank 0
     @cached_property
     def vertex_numbers(self) -> np.ndarray:
