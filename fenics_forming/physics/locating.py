@@ -103,6 +103,12 @@ class Locator:
         doubtful = outside[found.distance[outside] > DOUBTFUL * self._size(found.cells[outside])]
         return self._among_all_near(points, found, doubtful) if len(doubtful) else found
 
+    def find_roughly(self, points: np.ndarray) -> Located:
+        """As `find` for points inside; a point (p, dim) outside takes a place at the end of its walk, near but maybe not
+        the nearest."""
+        points = np.asarray(points, float)
+        return self._clipped(points, *self._walk(points, self._tree.query(points)[1]))
+
     def _size(self, cells):
         """Longest straight edge at the first vertex of cells, (p,) mm."""
         edges = self.x[self.vertices[cells, 1:]] - self._origin[cells, None]
@@ -226,22 +232,26 @@ class Locator:
 
     def _on_facet(self, points, cells, side, inner):
         """The nearest place on the facet opposite to the vertex ``side``: Gauss-Newton with that coordinate at 0."""
-        x = self.x[self.cells[cells]]
-        rows = np.arange(len(points))
+        rows = active = np.arange(len(points))
         inner[rows, side] = 0.0
-        inner = convex(inner)
-        free = np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])[side]    # (p, dim)
+        inner, all_free = convex(inner), np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
         for _ in range(TURNS):
-            miss = points - np.einsum("pa,pad->pd", quadratic_shapes(inner, self.dim), x)
-            slope = by_coordinate(inner, x)
+            rows, here, free = rows[: len(active)], inner[active], all_free[side[active]]
+            x = self.x[self.cells[cells[active]]]
+            miss = points[active] - np.einsum("pa,pad->pd", quadratic_shapes(here, self.dim), x)
+            slope = by_coordinate(here, x)
             tangents = slope[rows[:, None], free[:, 1:]] - slope[rows, free[:, 0]][:, None]
             metric = np.matmul(tangents, np.swapaxes(tangents, 1, 2))
             whole = np.maximum(np.trace(metric, axis1=1, axis2=2), np.finfo(float).tiny ** 0.5)
             metric += ROUND_OFF * whole[:, None, None] * np.eye(self.dim - 1)      # a flat facet stops no one
             step = np.linalg.solve(metric, np.einsum("pij,pj->pi", tangents, miss)[:, :, None])[:, :, 0]
-            inner[rows[:, None], free[:, 1:]] += step
-            inner[rows, free[:, 0]] -= step.sum(axis=1)
-            inner = convex(inner)
+            moved = here.copy()
+            moved[rows[:, None], free[:, 1:]] += step
+            moved[rows, free[:, 0]] -= step.sum(axis=1)
+            inner[active] = moved = convex(moved)
+            active = active[np.abs(moved - here).max(axis=1, initial=0.0) > NEGLIGIBLE]
+            if len(active) == 0:
+                break
         return inner
 
 

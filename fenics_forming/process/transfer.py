@@ -144,14 +144,24 @@ def _measure(body, axisymmetric):
     dim = body.x.shape[1]
     inner, weights = _points(dim)
     x = body.x[body.cells]
-    by_coordinate = np.einsum("qak,cad->cqkd", slopes(inner, dim), x)
-    measure = weights * np.abs(np.linalg.det(by_coordinate[:, :, 1:] - by_coordinate[:, :, :1]))
+    by_coordinate = slopes(inner, dim)
+    tangents = np.tensordot(by_coordinate[..., 1:] - by_coordinate[..., :1], x, (1, 1))     # q, k, m, component
+    measure = weights * np.abs(_volumes(np.moveaxis(tangents, 3, 0))).T
     if axisymmetric:
-        measure *= 2 * np.pi * np.einsum("qa,ca->cq", quadratic_shapes(inner, dim), x[:, :, 0])
+        measure *= 2 * np.pi * (x[:, :, 0] @ quadratic_shapes(inner, dim).T)
     return measure
+
+
+def _volumes(tangents):
+    """Determinants (q, m) of the tangents (component, q, k, m); `numpy.linalg.det` takes them one by one."""
+    if len(tangents) == 2:
+        (a, b), (c, d) = np.moveaxis(tangents, 2, 1)
+        return a * d - b * c
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(tangents, 2, 1)
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def _at_points(body, values):
     """Values (n[, k]) at the quadrature points, (m, q, k)."""
     shapes = quadratic_shapes(_points(body.x.shape[1])[0], body.x.shape[1])
-    return np.einsum("qa,cak->cqk", shapes, np.asarray(values, float).reshape(len(body.x), -1)[body.cells])
+    return np.matmul(shapes, np.asarray(values, float).reshape(len(body.x), -1)[body.cells])

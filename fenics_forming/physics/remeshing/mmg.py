@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,8 @@ from .rounding import on_a_grid, to_seven_digits
 
 if TYPE_CHECKING:       # only solids need what is compiled there
     from .straight import Straight
+
+FIRST_TABLES = 60       # MB
 
 
 def installed() -> bool:
@@ -62,6 +65,17 @@ def plane(points: np.ndarray, sides: np.ndarray, size: np.ndarray,
     return (x, cells, new) if triangles is not None else _inside(x, cells, part, new)
 
 
+def _small_tables(empty):
+    """An empty mesh whose tables begin small and grow as they fill.
+
+    mmg makes tables for millions of cells at once, 0.3 s, unless it knows of a limit of memory before it hears of the mesh.
+    What takes that limit is the call that remeshes; on an empty mesh it does nothing but complain.
+    """
+    with suppress(RuntimeError):
+        empty.remesh(verbose=-1, mem=FIRST_TABLES)
+    return empty
+
+
 def _directed(x: np.ndarray, sides: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """The sides (f, 2), each from the first to the second of its ends, (f, 2, 2)."""
     there, back = (np.abs(x[s] - ends).max(axis=(1, 2)) for s in (sides, sides[:, ::-1]))
@@ -100,7 +114,7 @@ def solid(mesh: Straight, size: np.ndarray, chord: float) -> Straight:
 
     from .straight import Straight, nearest_nodes, volumes
 
-    m = mmgpy.MmgMesh3D()
+    m = _small_tables(mmgpy.MmgMesh3D())
     m.set_mesh_size(vertices=len(mesh.x), tetrahedra=len(mesh.cells), triangles=len(mesh.facets), edges=len(mesh.lines))
     m.set_vertices(on_a_grid(mesh.x))
     m.set_tetrahedra(mesh.cells.astype(np.int32), np.ones(len(mesh.cells), np.int64))
