@@ -33,11 +33,11 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     mirrors = _mirrors(scene)
     corners = np.concatenate([_corners_near(shape.bounds(), tools, CORNER_REACH * size, dim),
                               _corners_on_tools(shape, tools, 1e-6 * size)])
-    builder = BUILDERS[shape.kind]
-    mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors), dim, size, corners=corners,
+    builder, touching = BUILDERS[shape.kind], corners if dim == 2 else _touching_edges(scene, tools, size)
+    mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors, touching), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None,
                             from_boundary=workpiece.mesh_size is not None,
-                            wanted=_finer_parts(scene, tools, lambda: size, corners),
+                            wanted=_finer_parts(scene, tools, lambda: size, corners, shape.bounds()),
                             enduring=workpiece.remesh is not None, comm=comm)
     return mesh, size
 
@@ -57,13 +57,14 @@ def largest_size(workpiece, volume: float, dim: int) -> float:
     return size if remesh is None or remesh.max_size is None else min(size, remesh.max_size)
 
 
-def _finer_parts(scene: Scene, tools, size, corners):
-    """What `meshing.generate` takes as ``wanted``; None if the scene asks for nothing of the kind.
+def _finer_parts(scene: Scene, tools, size, corners, bounds=None):
+    """What `meshing.generate` takes as ``wanted``; None if neither the scene nor an edge of a tool asks for anything.
 
     ``size`` is a callable: of a CAD file it is known only when gmsh has read it.
     """
     workpiece = scene.workpiece
-    if workpiece.remesh is None and not workpiece.refine:
+    if workpiece.remesh is None and not workpiece.refine and not (
+            bounds is not None and scene.dimension == 3 and _edges_near(bounds, tools, CORNER_REACH * size())):
         return None
     from .sizes import AtPoints, body_sizes, mirror_planes, nodal_sizes
 
@@ -92,6 +93,26 @@ def _corners_near(bounds, tools, reach, dim):
     return corners[((corners >= low - reach) & (corners <= high + reach)).all(axis=1)]
 
 
+def _edges_near(bounds, tools, reach: float) -> bool:
+    """Whether the box around a sharp edge of a tool in space comes near the box of the body."""
+    low, high = np.asarray(bounds)
+    for tool in (t for t in tools if t.surface.radius is None):
+        ends = tool.surface.edges()
+        if ((ends.min(axis=1) <= high + reach) & (ends.max(axis=1) >= low - reach)).all(axis=1).any():
+            return True
+    return False
+
+
+def _touching_edges(scene: Scene, tools, size: float) -> list:
+    """Sharp edges of tools in space that lie on the surface of the body, see `imprint.edges_on`."""
+    shape = scene.workpiece.shape
+    if not _edges_near(shape.bounds(), tools, 0.0):
+        return []
+    from .imprint import circles_of, edges_on
+    circles = {name: circles_of(tool) for name, tool in scene.tools.items()}
+    return edges_on(shape, tools, {name: found for name, found in circles.items() if found}, size)
+
+
 def _corners_on_tools(shape, tools, tolerance):
     """Corners of a plane body that touch a tool with friction: the edge of the contact, from where the side folds down."""
     if not hasattr(shape, "corners"):
@@ -105,9 +126,12 @@ def _corners_on_tools(shape, tools, tolerance):
 
 
 # ---------------------------------------------------------------------- shapes in gmsh
-def _outline(gmsh, shape, size, mirrors):
+def _outline(gmsh, shape, size, mirrors, touching=()):
     geo = gmsh.model.geo
     pieces = shape.pieces
+    if len(touching):
+        from .imprint import split_at
+        pieces = split_at(pieces, touching, size)
     ends = [geo.addPoint(*piece.start, 0.0, size) for piece in pieces]
     curves = []
     for k, piece in enumerate(pieces):
@@ -120,26 +144,34 @@ def _outline(gmsh, shape, size, mirrors):
     geo.synchronize()
 
 
-def _disk(gmsh, shape, size, mirrors):
+def _disk(gmsh, shape, size, mirrors, touching=()):
     occ = gmsh.model.occ
     body = [(2, occ.addDisk(*shape.centre, 0.0, shape.radius, shape.radius))]
     through = [a for a in mirrors if shape.centre[a] < shape.radius]
     _keep_high_half(occ, body, np.append(shape.centre, 0.0), shape.radius, through)
 
 
-def _box(gmsh, shape, size, mirrors):
+def _box(gmsh, shape, size, mirrors, touching=()):
     low, high = np.asarray(shape.bounds())
     gmsh.model.occ.addBox(*low, *(high - low))
     gmsh.model.occ.synchronize()
+    _printed(gmsh, touching)
 
 
-def _cylinder(gmsh, shape, size, mirrors):
+def _cylinder(gmsh, shape, size, mirrors, touching=()):
     occ = gmsh.model.occ
     axis = np.asarray(shape.axis, float)
     axis /= np.linalg.norm(axis)
     body = [(3, occ.addCylinder(*shape.base, *(shape.height * axis), shape.radius))]
     round_axes = [a for a in mirrors if abs(axis[a]) < 1e-12]
     _keep_high_half(occ, body, np.asarray(shape.base, float), 2 * (shape.radius + shape.height), round_axes)
+    _printed(gmsh, touching)
+
+
+def _printed(gmsh, edges):
+    if len(edges):
+        from .imprint import print_edges
+        print_edges(gmsh, edges)
 
 
 def _keep_high_half(occ, body, centre, reach, axes):
@@ -153,7 +185,8 @@ def _keep_high_half(occ, body, centre, reach, axes):
 
 
 BUILDERS = {"rectangle": _outline, "polygon": _outline, "circle": _disk, "box": _box, "cylinder": _cylinder}
-"""Kind of shape → function (gmsh, shape, size, axes of mirror planes through round bodies) that puts it into gmsh."""
+"""Kind of shape → function (gmsh, shape, size, axes of mirror planes through round bodies, corners or edges of tools that
+lie on its surface) that puts it into gmsh."""
 
 
 # ---------------------------------------------------------------------- files

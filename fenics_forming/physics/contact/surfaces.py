@@ -45,6 +45,10 @@ class Surface(Protocol):
     def corners(self):
         """Sharp corner points (k, d) in mm, to grade a mesh by; none for a smooth surface."""
 
+    def edges(self):
+        """Ends (e, 2, 3) in mm of sharp edges in space around which there is less tool than space; of a surface that has no
+        `radius`."""
+
     def roundings(self, spacing):
         """Points on roundings of a surface that has no `radius`, to grade a mesh by.
 
@@ -121,6 +125,10 @@ class Plane:
     def corners(self):
         """No corners: array (0, d)."""
         return np.empty((0, self.dimension))
+
+    def edges(self):
+        """No edges: array (0, 2, d)."""
+        return np.empty((0, 2, self.dimension))
 
     def roundings(self, spacing):
         """None: arrays (0, d), (0,), (0,)."""

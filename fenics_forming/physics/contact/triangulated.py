@@ -95,15 +95,21 @@ class Triangulated:
         return clip(self.vertices, self.triangles, low, high)
 
     def corners(self):
-        """No corners, array (0, 3): facet edges are not told from edges of the tool."""
+        """No corners, array (0, 3): see `edges`."""
         return np.empty((0, 3))
+
+    def edges(self):
+        """Ends (e, 2, 3) in mm of the sharp edges that protrude; see `surfaces.Surface.edges`."""
+        start, end, turn, _, protrudes = _inner_edges(self.vertices[self.triangles], self.triangles)
+        sharp = protrudes & (turn >= FACETED[1])
+        return np.stack([start[sharp], end[sharp]], axis=1)
 
     def roundings(self, spacing):
         """Points on edges between facets of a rounding, its radius and, as it is not known, a quarter of a turn.
 
         Facets of height h that follow a radius R turn by h / R from one to the next. See `surfaces.Surface.roundings`.
         """
-        start, end, turn, height = _inner_edges(self.vertices[self.triangles], self.triangles)
+        start, end, turn, height, _ = _inner_edges(self.vertices[self.triangles], self.triangles)
         rounded = (turn > FACETED[0]) & (turn < FACETED[1])
         start, end, radius = start[rounded], end[rounded], (height / np.where(turn > 0, turn, 1.0))[rounded]
         count = np.maximum(np.ceil(np.linalg.norm(end - start, axis=1) / spacing), 2).astype(int)
@@ -191,7 +197,8 @@ def _edges(triangles):
 
 
 def _inner_edges(corners, triangles):
-    """Edges between two triangles: their ends (e, 3), the angle between the normals (e,), the mean height (e,)."""
+    """Edges between two triangles: their ends (e, 3), the angle between the normals (e,), the mean height (e,), whether
+    there is less tool than space around them (e,)."""
     edge, _ = _edges(triangles)
     order = np.argsort(edge, axis=None, kind="stable")
     twin = np.flatnonzero(edge.ravel()[order][1:] == edge.ravel()[order][:-1])
@@ -199,9 +206,11 @@ def _inner_edges(corners, triangles):
     face, area = _unit(_area_vectors(corners)), np.linalg.norm(_area_vectors(corners), axis=1)
     start, end = corners.reshape(-1, 3), np.roll(corners, -1, axis=1).reshape(-1, 3)
     a, b = one // 3, other // 3
-    turn = np.arctan2(np.linalg.norm(np.cross(face[a], face[b]), axis=1), np.einsum("ij,ij->i", face[a], face[b]))
+    across = np.cross(face[a], face[b])
+    turn = np.arctan2(np.linalg.norm(across, axis=1), np.einsum("ij,ij->i", face[a], face[b]))
     height = 0.5 * (area[a] + area[b]) / np.linalg.norm(end[one] - start[one], axis=1)
-    return start[one], end[one], turn, height
+    protrudes = np.einsum("ij,ij->i", across, end[one] - start[one]) > 0
+    return start[one], end[one], turn, height, protrudes
 
 
 def _open_edges(triangles):
