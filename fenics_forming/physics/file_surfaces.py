@@ -42,8 +42,12 @@ def file_sides(scene, name: str, comm=MPI.COMM_WORLD) -> np.ndarray:
 
 def triangles_of(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) and triangles (t, 3), four flat ones for each side (f, 6, 3)."""
-    numbers = np.arange(sides.shape[0] * 6).reshape(-1, 6)
-    return sides.reshape(-1, 3), np.concatenate([numbers[:, quarter] for quarter in _QUARTERS])
+    return sides.reshape(-1, 3), quarters(np.arange(sides.shape[0] * 6).reshape(-1, 6))
+
+
+def quarters(sides: np.ndarray) -> np.ndarray:
+    """Four flat triangles (4 f, 3) for each quadratic side (f, 6)."""
+    return np.concatenate([sides[:, quarter] for quarter in _QUARTERS])
 
 
 def outline_of(sides: np.ndarray) -> np.ndarray:

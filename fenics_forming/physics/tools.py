@@ -65,6 +65,13 @@ def surface_of(tool: Tool, scene: Scene):
             from .contact.polyline import solid_polygon
             points, fillet = _past_the_mirrors(shape.corners, shape.radii, tool, scene)
             return solid_polygon(points, fillet=fillet)
+        case "file" if tool.material is None and scene.dimension == 3 and not shape.path.endswith(".msh"):
+            from mpi4py import MPI
+
+            from .cad_surface import cad_triangles
+            from .contact.triangulated import Triangulated
+            vertices, triangles = cad_triangles(shape.path, shape.scale, MPI.COMM_WORLD)
+            return Triangulated(vertices, _without_mirrors(vertices, triangles, tool, scene))
         case "file":
             from .file_surfaces import file_sides, outline_of, triangles_of
             sides = file_sides(scene, next(name for name, known in scene.tools.items() if known is tool))
@@ -81,6 +88,16 @@ def surface_of(tool: Tool, scene: Scene):
                 surface = Triangulated(surface.vertices + np.asarray(shape.offset), surface.triangles)
             return surface
     raise SceneError(f"'{shape.kind}' is no tool shape", key="kind", got=shape.kind)
+
+
+def _without_mirrors(vertices, triangles, tool: Tool, scene: Scene):
+    """Triangles (t, 3) of a body but those on its mirror planes, its low faces on the axes named in ``symmetry``."""
+    corners = vertices[triangles]
+    low, size = vertices[triangles].min(axis=(0, 1)), np.ptp(vertices, axis=0).max()
+    for axis in (scene.axes.index(a) for a in tool.symmetry):
+        on = (corners[:, :, axis] < low[axis] + 1e-7 * size).all(axis=1)
+        triangles, corners = triangles[~on], corners[~on]
+    return triangles
 
 
 def _past_the_mirrors(corners, radii, tool: Tool, scene: Scene):

@@ -65,9 +65,6 @@ def _tool_problems(scene, name, tool):
     if tool.shape is None:
         yield SceneError("is missing; workpieces meet the surface of an assembled tool as one shape", key=f"{key}.shape",
                          allowed="a tool shape")
-    elif tool.shape.kind == "file" and tool.material is None:
-        yield SceneError("is a body, not a surface; give it a 'material', or use an stl file", key=f"{key}.shape",
-                         got="file", allowed="a tool with a material")
 
 
 def deforming_problems(scene, names):
