@@ -21,7 +21,7 @@ from ..physics.workpiece import Workpiece
 from ..scene import Scene
 from .body import FlowingBody
 from .moving import mass_of, velocity_of
-from .placing import height_axis, nodes_of, settings_of
+from .placing import nodes_of, settings_of, working_direction
 from .volume import FreeSurface
 
 SAME = 1e-8       # of the size of the assembly: a node so near to a mirror plane is on it
@@ -76,7 +76,7 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings, parts=parts,
                           flow_stress=[m.flow_stress for m in materials], pairs=_pairs(scene, nodes, free, slaves),
                           mass=mass_of(scene, parts))
-    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene),
+    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), working_direction=working_direction(scene),
                        surfaces={name: _surface(parts, name, kinematics, mirrors[name]) for name in parts.names},
                        drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=_temperature(scene, parts), damage=_damage(materials, parts),

@@ -41,7 +41,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
     workpiece : terms and spaces (its ``contact`` may be None)
     drives : tool name → drive of ``laws.equipment``; tools that are not named rest
     boundary : (n,) nodes that a tool may touch
-    height_axis : the axis along which the main tool moves; the extent on it makes the characteristic rate
+    working_direction : (dim,), the unit vector along which the main tool moves; the extent on it makes the characteristic
+        rate
     temperature : degC, or None; of several bodies (nodes,)
     damage : law of ``laws.damage``, or None: no damage gathers
     free_surface : of the same nodes, to measure and restore the volume by
@@ -50,7 +51,7 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
     heat : ``heating.BodyHeat``, where temperatures change, or None; then they are part of the history
     """
 
-    def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, height_axis: int,
+    def __init__(self, workpiece: Workpiece, *, drives: dict, boundary: np.ndarray, working_direction: np.ndarray,
                  temperature: float | np.ndarray | None = None, damage=None, free_surface: FreeSurface | None = None,
                  surfaces: dict[str, FreeSurface] | None = None, initial_velocity: np.ndarray | None = None,
                  heat=None):
@@ -58,7 +59,7 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         self.solver = FlowSolver(workpiece)
         self.contact: RigidContact | None = workpiece.contact
         self.tools = self.contact.tools if self.contact is not None else []
-        self._drives, self.boundary, self.height_axis = drives, boundary, height_axis
+        self._drives, self.boundary, self.working_direction = drives, boundary, np.asarray(working_direction, float)
         self.rams = Rams(drives)
         self.interfaces, self.parts = workpiece.interfaces, workpiece.parts
         self.free_surface, self.surfaces = free_surface, surfaces or {}
@@ -88,15 +89,18 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
     # ------------------------------------------------------------------ flow
     def height(self) -> float:
         """Extent of the body along the working direction, mm."""
-        return float(np.ptp(self.nodes.extents(), axis=0)[self.height_axis])
+        return self._extent(self.x @ self.working_direction)
+
+    def _extent(self, along: np.ndarray) -> float:
+        """Of the body on a line, from the places of its nodes along it (nodes,), mm. Collective."""
+        comm = self.nodes.comm
+        return highest(comm, float(along.max(initial=-np.inf))) - lowest(comm, float(along.min(initial=np.inf)))
 
     def time_to_height(self, wanted: float, velocity: np.ndarray, horizon: float) -> float:
         """Time in which the nodal velocities (nodes, dim) bring the height to ``wanted``, s; at most ``horizon``."""
         now, time = self.height(), horizon
         for _ in range(3):      # secants: the height is convex in time
-            along = self.x[:, self.height_axis] + time * velocity[:, self.height_axis]
-            comm = self.nodes.comm
-            then = highest(comm, float(along.max(initial=-np.inf))) - lowest(comm, float(along.min(initial=np.inf)))
+            then = self._extent((self.x + time * velocity) @ self.working_direction)
             if then >= wanted:
                 break
             time *= (now - wanted) / (now - then)

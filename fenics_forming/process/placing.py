@@ -35,8 +35,8 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
     if scene.computes_heat:
         from .heat_building import body_heat
         heat = body_heat(scene, nodes, kinematics, candidates, tools, workpiece)
-    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), height_axis=height_axis(scene), heat=heat,
-                       free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
+    return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), working_direction=working_direction(scene),
+                       heat=heat, free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),
                        drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=scene.workpiece.temperature, damage=material.damage,
                        initial_velocity=velocity_of(scene, nodes))
@@ -80,8 +80,8 @@ def _boundary(nodes: Nodes, mirrors: dict[int, float], axes) -> tuple[list[Fixed
     return [FixedVelocity(f, axis) for axis, f in on_plane], np.setdiff1d(exterior_facets(nodes.mesh), taken)
 
 
-def height_axis(scene: Scene) -> int:
-    """The axis along which the tool that counts works."""
+def working_direction(scene: Scene) -> np.ndarray:
+    """Unit vector (dim,) along which the tool that counts works; where it turns, or none moves, the last axis."""
     tool = scene.counting_tool
     direction = scene.tools[tool].drive.direction if tool is not None else None
-    return int(np.argmax(np.abs(direction))) if direction is not None else scene.dimension - 1
+    return np.eye(scene.dimension)[-1] if direction is None else np.asarray(direction, float)

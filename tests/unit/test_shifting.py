@@ -208,7 +208,7 @@ def between_plane_and_platen(kind="axisymmetric", **platen):
     contact = RigidContact(ContactFacets(nodes, kin, touched), [KnownTool("platen", Plane((0, 20), (0, -1)), **platen)])
     workpiece = Workpiece(nodes, kinematics=kin, flow_stress=laws.Constant(value=100), fixed=fixed, contact=contact,
                           settings=TIGHT)
-    return FlowingBody(workpiece, drives={"platen": laws.SpeedDrive(velocity=(0, -1))}, height_axis=1,
+    return FlowingBody(workpiece, drives={"platen": laws.SpeedDrive(velocity=(0, -1))}, working_direction=(0, 1),
                        boundary=facet_nodes(nodes, touched))
 
 

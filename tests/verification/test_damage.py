@@ -23,8 +23,8 @@ def body_of(mesh, kind, fixed, *, law=None, speed=1.0):
     """A body without tools that flows by the velocities given on its sides."""
     workpiece = Workpiece(Nodes(mesh), kinematics=kinematics.KINDS[kind], fixed=fixed, settings=TIGHT,
                           flow_stress=law or laws.Constant(value=STRESS))
-    body = FlowingBody(workpiece, drives={}, boundary=np.empty(0, np.int32), height_axis=workpiece.nodes.dim - 1,
-                       damage=LAW)
+    body = FlowingBody(workpiece, drives={}, boundary=np.empty(0, np.int32), damage=LAW,
+                       working_direction=np.eye(workpiece.nodes.dim)[-1])
     body.speed = speed
     return body
 
@@ -148,7 +148,7 @@ def test_damage_is_written_with_the_fields_and_the_points(barrelled):
 
 def test_a_material_without_a_damage_law_has_none():
     body = pulled("plane_strain", 1.0)
-    plain = FlowingBody(body.workpiece, drives={}, boundary=np.empty(0, np.int32), height_axis=1)
+    plain = FlowingBody(body.workpiece, drives={}, boundary=np.empty(0, np.int32), working_direction=(0, 1))
     plain.speed = 1.0
     flow = plain.solve(0.0, plain.new_history(), 0.05)
     assert set(plain.new_history()) == set(flow.rates) == {"effective_strain"}

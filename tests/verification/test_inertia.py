@@ -155,7 +155,7 @@ def test_a_viscous_ring_grows_under_its_centrifugal_force(exponent, time, radius
     body = FlowingBody(Workpiece(nodes, kinematics=KINDS["axisymmetric"], fixed=[FixedVelocity(bottom, 1)],
                                  flow_stress=laws.NortonHoff(K=100, m=exponent),
                                  body_force=ufl.as_vector([density * omega**2 * r, 0 * r])),
-                       drives={}, boundary=np.empty(0, np.int32), height_axis=1)
+                       drives={}, boundary=np.empty(0, np.int32), working_direction=(0, 1))
     body.speed, steps = 1e-2 * body.height(), 40        # slower than the ring grows: the regularisation is far below
     history, flow, dt = body.new_history(), None, time / 40
     for step in range(steps):
