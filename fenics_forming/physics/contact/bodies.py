@@ -105,7 +105,7 @@ class BodyContact:
         at = self.points.trace(x)
         surface = CapturingSurface(_everywhere(self.nodes.comm, x[self._master]), self._numbers)
         self._found = found = surface.capture(at, reach + self.interference)
-        self.point_weights, outward = self.points.surface(x)
+        self.point_weights, outward = self._surface(x)
         facing = np.einsum("pi,pi->p", outward, found.normal) < FACING
         gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
         gap[gap > reach] = np.inf
@@ -115,6 +115,10 @@ class BodyContact:
         self._normals = self.points.corner_normals(x)
         self._carry()
         self.seconds += process_time() - start
+
+    def _surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Surface of the points, (points,), and outward normals, (points, dim)."""
+        return self.points.surface(x)
 
     def sharpen(self, flags: np.ndarray) -> None:
         """Make edges of the slave sharp that were so in an earlier run (``Carriers.sharp_edges``). Collective."""

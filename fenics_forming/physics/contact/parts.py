@@ -1,6 +1,8 @@
-"""Contact of two parts of a tool, in displacements: friction with memory, work, multipliers."""
+"""Contact of two parts of a tool, in displacements: friction with memory, work, multipliers, pairing where they slide."""
 
 from __future__ import annotations
+
+import copy
 
 import numpy as np
 from petsc4py import PETSc
@@ -12,6 +14,7 @@ from .holding import Hold, augmented, held_places, hold
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
+SLIDE = 0.1          # of the smallest side: parts that have slid farther since they were paired meet other sides
 
 
 class PartContactField(BodyContact):
@@ -22,15 +25,20 @@ class PartContactField(BodyContact):
     Attributes
     ----------
     coefficient : (carriers,) penalty, N/mm³
+    paired : (nodes, dim) mm, displacement at which points and sides were paired, None as the mesh lies
     friction_work, interference_work : mJ of this rank, done since the start by friction (a loss), and by the normal
         tractions (what an interference gives to the parts)
     """
 
     friction_work = interference_work = 0.0
     creep = 0.0         # see `holding.hold`
+    paired: np.ndarray | None = None
+    _grouped_by: np.ndarray | None = None
+    _interference: float | None = None      # declared
 
     def begin(self) -> None:
         """Nothing has been carried yet, whatever overlap the parts have. Collective."""
+        self._base = self._known = self.state.gap.copy()
         ends = self.nodes.x[self.points.sides[:, :2]]
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         self.smallest_side = lowest(self.nodes.comm, float(length.min(initial=np.inf)))
@@ -40,14 +48,15 @@ class PartContactField(BodyContact):
         self._carried = np.zeros((count, dim)), np.zeros((count, dim)), np.zeros((count, dim))
 
     def respond(self, unknowns: PETSc.Vec, *, flow_stress: np.ndarray | None = None,
-                touching: float | None = None, same: bool = False) -> None:
+                touching: float | None = None, same: bool = False, anew: bool = False) -> None:
         """Tractions on the slave and their tangents for the present displacements.
 
         flow_stress : (carriers,) yield stress that limits friction; touching : gap below which every carrier is closed;
         same : what slipped slips, what held holds, as multipliers have changed that leave an imbalance for once
+        anew : just paired anew: what pressed is closed, whatever the new gaps say for once, and slips or holds as it did
         """
         state, relative = self.state, self.relative(unknowns)
-        closed = None if touching is None else state.gap <= touching
+        closed = state.active & (self.weights > 0) if anew else None if touching is None else state.gap <= touching
         law.normal_pressure(state, relative, self.coefficient, self.dt, closed)
         self.traction, self._tangent = law.normal_response(state, self.coefficient)
         self._relative = relative
@@ -57,12 +66,88 @@ class PartContactField(BodyContact):
             if not (self.friction.depends_on_pressure or self.friction.sticks):
                 steep = pressure < limit / STEEPEST
                 limit, rise = np.where(steep, STEEPEST * pressure, limit), np.where(steep, STEEPEST, rise)
-            if closed is not None:
+            if touching is not None:
                 limit = np.where(closed & ~self._hold.slips, UNLIMITED, limit)      # what touches holds in the first guess
             self._hold = hold(state, relative, limit, rise, stiffness=self.coefficient, penalty=self.coefficient,
-                              slips=self._hold.slips if same else None, creep=self.creep)
+                              slips=self._hold.slips if same or anew else None, creep=self.creep)
             self.traction = self.traction + self._hold.traction
             self._tangent = self._tangent + self._hold.tangent
+
+    # ------------------------------------------------------------------ pairing
+    def declare(self, interference: float | None) -> None:
+        """Points over the other part overlap by this at the start, mm, whatever gap the mesh has; None: by that gap."""
+        self._interference = interference
+        gap = self._base
+        if interference is not None:
+            known = np.isfinite(self._known)
+            usual = total(self.nodes.comm, np.array([self._known[known].sum(), known.sum()]))
+            gap = gap - np.where(known, self._known, usual[0] / max(usual[1], 1.0)) - interference
+        self.state.gap = np.where(np.isfinite(self._base), gap, np.inf)
+
+    def has_slid(self) -> bool:
+        """Whether parts that press on one another have slid so far that they meet other sides. Collective."""
+        way = self._relative - self._paired_at()
+        normal = np.einsum("pi,pi->p", way, self.state.normal)
+        slid = np.linalg.norm(way - normal[:, None] * self.state.normal, axis=1)[self.state.active]
+        return highest(self.nodes.comm, float(slid.max(initial=0.0))) > SLIDE * self.smallest_side
+
+    def _paired_at(self) -> np.ndarray:
+        """Relative displacement at which the parts were paired, (carriers, dim)."""
+        return np.zeros((len(self.weights), self.dim)) if self.paired is None else self._relative_then
+
+    def pair_again(self, displacement: np.ndarray, unknowns: PETSc.Vec) -> None:
+        """Pair points and sides where a trial has brought them, nodal displacements (nodes, dim), also as ``unknowns``:
+        what they have slid in the step, and held at its start, stays what it is. Collective."""
+        before, over, pressed = self._relative, self.weights > 0, self.state.active
+        self.pair_at(displacement, unknowns)
+        further = self._relative_then - before
+        # what has come over the other part in this step, or left it, has slid in it as the others have
+        way = np.where(pressed[:, None], before - self._carried[2], 0.0)
+        sums = total(self.nodes.comm, np.array([*way.sum(axis=0), pressed.sum()]))
+        over &= self.weights > 0
+        start = np.where(over[:, None], self._carried[2] + further, self._relative_then - sums[:-1] / max(sums[-1], 1.0))
+        if self.has_friction:
+            self.state.slip = np.where(over[:, None], self.state.slip + self._along(self._relative_then) - self._hold.along,
+                                       self._along(start))
+        self._carried = *self._carried[:2], start
+
+    def pair_at(self, displacement: np.ndarray | None, unknowns: PETSc.Vec | None) -> None:
+        """Pair points and sides at these displacements (nodes, dim), also given as ``unknowns``. Collective."""
+        x = self.nodes.x
+        self.search(x if displacement is None else x + displacement, self.dt)
+        self.paired, gap = displacement, self.state.gap
+        relative = self._relative_then = np.zeros((len(self.weights), self.dim)) if displacement is None else \
+            self.relative(unknowns)
+        self._base = gap - np.where(np.isfinite(gap), np.einsum("pi,pi->p", relative, self.state.normal), 0.0)
+        self.declare(self._interference)
+
+    def _along(self, relative: np.ndarray) -> np.ndarray:
+        normal = self.state.normal
+        return relative - np.einsum("pi,pi->p", relative, normal)[:, None] * normal
+
+    def _surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """That of the mesh: tractions are over it, as stresses of small strains are; normals where the parts are now."""
+        return self.points.surface(self.nodes.x)[0], self.points.surface(x)[1]
+
+    def _carry(self) -> None:
+        """As at the start: elastic displacements make no edge sharp. Collective."""
+        if self._grouped_by is None:
+            self._grouped_by = self._normals
+        self._normals = self._grouped_by
+        super()._carry()
+
+    # ------------------------------------------------------------------ going back
+    def snapshot(self) -> tuple:
+        """The accepted state, for :meth:`restore`."""
+        return (self.paired, copy.deepcopy(self.state), self._hold, self._carried, self.friction_work,
+                self.interference_work)
+
+    def restore(self, snapshot: tuple, unknowns: PETSc.Vec | None) -> None:
+        """Take over what :meth:`snapshot` gave; ``unknowns`` of the displacement that parts are paired at. Collective."""
+        if self.paired is not snapshot[0]:
+            self.pair_at(snapshot[0], unknowns)
+        self.state = copy.deepcopy(snapshot[1])
+        self._hold, self._carried, self.friction_work, self.interference_work = snapshot[2:]
 
     def least_gap(self) -> float:
         """The least gap of a carrier, mm; infinite where none is over the other part. Collective."""
@@ -70,12 +155,13 @@ class PartContactField(BodyContact):
 
     def accept(self) -> None:
         """The state of the last trial is that of the parts now."""
-        across = self.traction - self._hold.traction
+        surface = self.weights[:, None]
+        across, along = surface * (self.traction - self._hold.traction), surface * self._hold.traction
         before_across, before_along, before = self._carried
-        way = (self._relative - before) * self.weights[:, None]
+        way = self._relative - before
         self.interference_work += 0.5 * float(np.einsum("pi,pi->", across + before_across, way))
-        self.friction_work -= 0.5 * float(np.einsum("pi,pi->", self._hold.traction + before_along, way))
-        self._carried = across, self._hold.traction, self._relative
+        self.friction_work -= 0.5 * float(np.einsum("pi,pi->", along + before_along, way))
+        self._carried = across, along, self._relative
         if self.has_friction:
             self.state.slip = held_places(self.state, self._hold, self.coefficient)
             self.state.friction_stress = np.where(self.state.active[:, None], self.state.friction_stress, 0.0)

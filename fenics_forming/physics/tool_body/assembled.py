@@ -2,12 +2,12 @@ r"""A tool of several parts that press and rub on one another: Newton's iteratio
 
 The parts are disjoint in one mesh.  Contact adds nodal forces :math:`G^Tw\,t(Gu)` and the tangent of ``contact.parts`` in
 displacements (FORMULATION.md 3): there the closing *displacement* takes the place of the closing speed, in a step of 1 s.
-Displacements are small, so points and sides are paired once.  Friction remembers what it held in the last accepted step.
+Strains are small, but parts may slide: in a load step points and sides are paired anew where parts have come to lie
+opposite to other sides.  Friction remembers what it held in the last accepted step.
 """
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ TOUCHING = 1e-3     # of the smallest side: parts with no wider gap hold each ot
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
 CREEP = 0.01        # of the stiffness, in the tangent of points that slip, in the second try of a step: see `holding.hold`
 CREEP_ITERATIONS = 3    # times the usual ones, which it then takes
+PAIRINGS = 5        # in a load step: by then parts that slide on by being paired anew do so by little
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
 
@@ -83,15 +84,18 @@ class AssembledSolver(PlasticSolver):
         self._limited = self._friction and body.yields
         self._merged: PETSc.Mat | None = None
         self._factorised: list[np.ndarray] | None = None
-        self._same = False
+        self._merged_at: list = []
+        self._start: list = []      # the contacts at the start of a step
+        self._same = self._anew = False
         self._touching = self._fresh = True
         stiffness = self._stiffness()
         for contact, given in zip(self.contacts, contacts, strict=True):
             contact.search(body.nodes.x, 1.0)
-            _declare(contact, given.interference)
             contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
             contact.begin()
+            contact.declare(given.interference)
         self._given = contacts
+        self._start = [contact.snapshot() for contact in self.contacts]
         self._find_limits()
         self._refuse_unlimited()
         self._respond()
@@ -105,7 +109,7 @@ class AssembledSolver(PlasticSolver):
     def set_interference(self, part: float) -> None:
         """Let the parts of the next solve overlap by a part of what is declared: a way to bring it on in steps."""
         for contact, given in zip(self.contacts, self._given, strict=True):
-            _declare(contact, None if given.interference is None else part * given.interference)
+            contact.declare(None if given.interference is None else part * given.interference)
         self._touching = True
         self._forces = self.internal_forces()
         self._touching = False
@@ -123,7 +127,9 @@ class AssembledSolver(PlasticSolver):
         at_points, weights = contact.points.trace(stiffness).reshape(shape), contact.point_weights.reshape(shape)
         surface = weights.sum(axis=1)
         of_side = np.einsum("fq,fq->f", at_points, weights) / surface**2
-        return np.where(contact.weights > 0, contact.mean(of_side.repeat(shape[1])), 1.0)     # of those over nothing: any
+        found = np.where(contact.weights > 0, contact.mean(of_side.repeat(shape[1])), 0.0)
+        sums = total(self.body.nodes.comm, np.array([found.sum(), (found > 0).sum()]))
+        return np.where(found > 0, found, sums[0] / max(sums[1], 1.0))      # of those over nothing yet: the mean
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
@@ -171,13 +177,27 @@ class AssembledSolver(PlasticSolver):
 
     def state(self) -> tuple:
         """See `PlasticSolver.state`; the contacts of the parts go along."""
-        return (*super().state(), copy.deepcopy([contact.state for contact in self.contacts]))
+        return (*super().state(), [contact.snapshot() for contact in self.contacts])
 
     def go_back(self, state: tuple) -> None:
         """Take over what :meth:`state` gave."""
         for contact, then in zip(self.contacts, state[-1], strict=True):
-            contact.state = copy.deepcopy(then)
+            self._restore(contact, then)
+        self._start = state[-1]
         super().go_back(state[:-1])
+
+    def go_on_with_contacts(self, fresh: bool) -> None:
+        """The contacts have taken over an accepted state of an earlier run; ``fresh`` if nothing was accepted yet."""
+        self._start, self._fresh = [contact.snapshot() for contact in self.contacts], fresh
+        self._find_limits()
+
+    def _restore(self, contact: PartContactField, then: tuple) -> None:
+        """A contact as it was, with the pairing of then."""
+        vector, body = None, self.body
+        if then[0] is not None:
+            vector, owned = body.new_vector(), body.dofs < body.owned
+            vector.array[body.dofs[owned]] = then[0][owned]
+        contact.restore(then, vector)
 
     def _advice(self) -> str:
         slide = "its parts slide or part, and nothing else holds them: try smaller loads, more friction or supports"
@@ -194,12 +214,16 @@ class AssembledSolver(PlasticSolver):
         for contact in self.contacts:
             limit = contact.softer(self._yield_stress) if self._limited and contact.has_friction else None
             touching = max(TOUCHING * contact.smallest_side, contact.least_gap()) if self._touching else None
-            contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=touching, same=self._same)
+            contact.respond(self.body.displacement.x.petsc_vec, flow_stress=limit, touching=touching, same=self._same,
+                            anew=self._anew)
             vector.axpy(-1.0, contact.forces())
         return vector
 
     def _take_back(self) -> None:
         self._touching = self._fresh
+        for contact, then in zip(self.contacts, self._start, strict=True):
+            if contact.paired is not then[0]:
+                self._restore(contact, then)
         super()._take_back()
         self._touching = False
         self.bulk.use_accepted_tangent()        # the next increment starts with it
@@ -253,8 +277,9 @@ class AssembledSolver(PlasticSolver):
 
     def _equilibrate(self, target: PETSc.Vec, held: float, heat: float) -> int:
         self._target, self._increments = target, 0
+        self._start = [contact.snapshot() for contact in self.contacts]
         try:
-            return super()._equilibrate(target, held, heat)
+            return super()._equilibrate(target, held, heat) + self._follow_slides(target)
         except ConvergenceError:
             if not self._friction:
                 raise
@@ -262,9 +287,25 @@ class AssembledSolver(PlasticSolver):
         self._increments = 0
         self._let_creep(CREEP)
         try:
-            return super()._equilibrate(target, held, heat)
+            return super()._equilibrate(target, held, heat) + self._follow_slides(target)
         finally:
             self._let_creep(0.0)
+
+    def _follow_slides(self, target: PETSc.Vec) -> int:
+        """Pair parts anew where the step has brought them, and find the balance there; the iterations. Collective."""
+        spent = 0
+        for _ in range(PAIRINGS):
+            slid = [contact for contact in self.contacts if contact.has_slid()]
+            if not slid:
+                break
+            for contact in slid:
+                contact.pair_again(self.body.nodal(), self.body.displacement.x.petsc_vec)
+            self._increments, self._anew = 0, True
+            self._forces = self.internal_forces()
+            self._anew = False
+            self._elastic_increment(target)
+            spent += self._iterate(target)
+        return spent
 
     @property
     def _most_iterations(self) -> int:
@@ -290,6 +331,10 @@ class AssembledSolver(PlasticSolver):
 
     def _factorise_tangent(self) -> None:
         now = [self.bulk.tangents] + [contact.tangents for contact in self.contacts]
+        paired = [contact.paired for contact in self.contacts]
+        if len(self._merged_at) == len(paired) and any(a is not b for a, b in zip(paired, self._merged_at, strict=True)):
+            self._merged = self._direct = self._factorised = None
+        self._merged_at = paired
         known = self._factorised is not None and all(map(np.array_equal, now, self._factorised))
         if total(self.body.nodes.comm, float(known)) == self.body.nodes.comm.size:
             return
@@ -307,9 +352,3 @@ class AssembledSolver(PlasticSolver):
             self._direct = DirectSolver(self._merged, symmetric=not self._friction)
         self._direct.factorise()
         self._factorised, self.factorisations = now, self.factorisations + 1
-
-
-def _declare(contact: PartContactField, interference: float | None) -> None:
-    """Points over the other part start with this overlap, mm, whatever gap the mesh has; nothing where it is None."""
-    if interference is not None:
-        contact.state.gap = np.where(np.isfinite(contact.state.gap), -interference, np.inf)

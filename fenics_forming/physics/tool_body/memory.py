@@ -40,6 +40,7 @@ def memory_of(solver) -> ToolMemory:
     contacts = getattr(solver, "contacts", ())
     numbers["fresh"] = getattr(solver, "_fresh", False)
     numbers["works"] = [contact.works().tolist() for contact in contacts]
+    nodal |= {f"paired {k}": contact.paired for k, contact in enumerate(contacts) if contact.paired is not None}
     return ToolMemory(numbers, nodal, {name: values.reshape(cells, -1) for name, values in cellwise.items()},
                       [_corners_of(contact) for contact in contacts])
 
@@ -60,12 +61,14 @@ def remember(solver, memory: ToolMemory) -> None:
     if body.heating is not None and "heat" in memory.cellwise:
         solver._accepted_heat = memory.cellwise["heat"].ravel()
     contacts, first = getattr(solver, "contacts", ()), body.nodes.comm.rank == 0
-    for contact, corners, works in zip(contacts, memory.between, memory.numbers["works"], strict=True):
+    for k, (contact, corners, works) in enumerate(zip(contacts, memory.between, memory.numbers["works"], strict=True)):
+        paired = memory.nodal.get(f"paired {k}")
+        contact.sharpen(corners.reshape(*contact.points.corners.shape, corners.shape[1])[..., -1])
+        contact.pair_at(paired, None if paired is None else _vector(body, paired))
         _take_corners(contact, corners)
         contact.friction_work, contact.interference_work = works if first else (0.0, 0.0)
     if contacts:
-        solver._fresh = memory.numbers["fresh"]
-        solver._find_limits()
+        solver.go_on_with_contacts(memory.numbers["fresh"])
     solver._take_back()
 
 
@@ -88,7 +91,6 @@ def _corners_of(contact) -> np.ndarray:
 
 def _take_corners(contact, corners: np.ndarray) -> None:
     rows = corners.reshape(*contact.points.corners.shape, corners.shape[1])
-    contact.sharpen(rows[..., -1])
     values = contact.carriers.from_corners(rows)
     scalars, vectors = values[:, :3], values[:, 3:-1].reshape(len(values), -1, contact.dim)
     state = contact.state

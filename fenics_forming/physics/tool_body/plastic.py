@@ -144,6 +144,10 @@ class PlasticSolver:
         self.body.set_held(held)
         self._heat(heat)
         self._elastic_increment(target)
+        return self._iterate(target)
+
+    def _iterate(self, target: PETSc.Vec) -> int:
+        """Newton iterations from the present displacement; their number."""
         usual = 0.0
         for iteration in range(1, self._most_iterations + 1):
             flowing = self._respond()
