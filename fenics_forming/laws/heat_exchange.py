@@ -99,6 +99,11 @@ class Air(Described):
     coefficient: NonNegative(HeatTransferCoefficient) | None = None
     emissivity: Within(Number, 0, 1) | None = None
 
+    @property
+    def ways(self):
+        """How it takes heat, as words."""
+        return ["air"] * bool(self.coefficient) + ["radiation"] * bool(self.emissivity)
+
     @model_validator(mode="after")
     def _takes_heat(self):
         if not self.coefficient and not self.emissivity:

@@ -18,14 +18,14 @@ class Parts:
 
     Attributes
     ----------
-    of_cell : (cells,) number of the body of every owned cell
+    of_cell : (cells,) number of the body of every owned cell · of_all_cells : of those of this rank, ghosts included
     of_node : (nodes,) number of the body of every node
     """
 
     def __init__(self, nodes: Nodes, names, counts):
         self.nodes, self.names, self.counts = nodes, tuple(names), [int(c) for c in counts]
         given = np.asarray(nodes.mesh.topology.original_cell_index)
-        self._of_all = of_all = np.searchsorted(np.cumsum(self.counts), given, side="right")
+        self.of_all_cells = of_all = np.searchsorted(np.cumsum(self.counts), given, side="right")
         self.of_cell = of_all[: len(nodes.cells)]
         self.of_node = np.zeros(nodes.count, int)
         dofmap = nodes.mesh.geometry.dofmap
@@ -45,7 +45,7 @@ class Parts:
 
     def local_cells_of(self, name: str) -> np.ndarray:
         """Cells of a body that this rank has, ghosts included, by number."""
-        return np.flatnonzero(self._of_all == self.names.index(name)).astype(np.int32)
+        return np.flatnonzero(self.of_all_cells == self.names.index(name)).astype(np.int32)
 
     def nodal(self, values) -> np.ndarray:
         """(nodes,) from one value for each body."""

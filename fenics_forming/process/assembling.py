@@ -67,7 +67,7 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
     """
     nodes, kinematics = Nodes(mesh), KINDS[scene.geometry]
     parts = Parts(nodes, scene.workpieces, counts)
-    free, fixed = _boundary(parts, mirrors, scene.axes)
+    free, fixed = boundary_of(parts, mirrors, scene.axes)
     candidates = np.sort(np.concatenate(list(free.values())))
     settings = settings_of(scene)
     contact = RigidContact(ContactFacets(nodes, kinematics, candidates), tools,
@@ -76,14 +76,20 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
     workpiece = Workpiece(nodes, kinematics=kinematics, contact=contact, fixed=fixed, settings=settings, parts=parts,
                           flow_stress=[m.flow_stress for m in materials], pairs=_pairs(scene, nodes, free, slaves),
                           mass=mass_of(scene, parts))
+    heat = None
+    if scene.computes_heat:
+        from .heat_building import heat_of_bodies
+        slaves = {} if workpiece.interfaces is None else workpiece.interfaces.slaves
+        heat = heat_of_bodies(scene, parts, kinematics, free, tools, slaves, workpiece)
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), working_direction=working_direction(scene),
+                       heat=heat,
                        surfaces={name: _surface(parts, name, kinematics, mirrors[name]) for name in parts.names},
                        drives={t.name: t.drive for t in tools if t.drive is not None},
                        temperature=_temperature(scene, parts), damage=_damage(materials, parts),
                        initial_velocity=velocity_of(scene, nodes, parts))
 
 
-def _boundary(parts: Parts, mirrors, axes) -> tuple[dict[str, np.ndarray], list[FixedVelocity]]:
+def boundary_of(parts: Parts, mirrors, axes) -> tuple[dict[str, np.ndarray], list[FixedVelocity]]:
     """Exterior facets of each body that lie on none of its mirror planes, and the conditions on those that do."""
     nodes, free, fixed = parts.nodes, {}, []
     size, exterior = float(np.ptp(nodes.extents(), axis=0).max()), exterior_facets(nodes.mesh)
@@ -101,12 +107,18 @@ def _boundary(parts: Parts, mirrors, axes) -> tuple[dict[str, np.ndarray], list[
     return free, fixed
 
 
+def finer_bodies(scene: Scene, nodes: Nodes, free: dict[str, np.ndarray]) -> dict[str, str]:
+    """Contact of two workpieces → the one with the finer surface. Collective."""
+    length = {name: side_length(nodes, facet_sides(nodes, facets)) for name, facets in free.items()}
+    return {contact.name: min(contact.between, key=length.get) for contact in scene.contacts
+            if set(contact.between) <= set(scene.workpieces)}
+
+
 def _pairs(scene: Scene, nodes: Nodes, free: dict[str, np.ndarray], slaves) -> list[Pair]:
     """The contacts of the scene; the points lie on the finer of the two surfaces."""
-    length = {name: side_length(nodes, facet_sides(nodes, facets)) for name, facets in free.items()}
-    pairs = []
+    slaves, pairs = slaves or finer_bodies(scene, nodes, free), []
     for contact in scene.contacts:
-        slave = min(contact.between, key=length.get) if slaves is None else slaves[contact.name]
+        slave = slaves[contact.name]
         master = next(name for name in contact.between if name != slave)
         friction = contact.friction if contact.friction.law != "none" else None
         pairs.append(Pair(contact.name, free[slave], free[master], friction, contact.interference, contact.element, slave))

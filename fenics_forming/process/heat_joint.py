@@ -25,6 +25,11 @@ class Joint:
         self._meshes: dict[str, int] = {}                               # tool → its first vertex
         self._beds: dict[str, tuple[int, Bed]] = {}                     # tool → its first column, its columns
         self._couplings: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._meetings: dict[str, tuple[np.ndarray, np.ndarray, float]] = {}
+
+    def add_meeting(self, name: str, pairs: np.ndarray, strength: np.ndarray, outwards: float):
+        """Pairs of vertices of two workpieces that touch; ``outwards`` the sign of heat from the first of a pair."""
+        self._meetings[name] = pairs, strength, outwards
 
     def add(self, name: str, tool: ToolHeat, temperature: np.ndarray, touch: Touch | None, rubbed, conducting: float):
         """A tool, its vertices behind those that are there; ``rubbed`` (v,) mJ, friction heat that it gets where vertices
@@ -60,9 +65,10 @@ class Joint:
         return first
 
     def step(self, dt: float):
-        """Temperatures and losses of the workpiece, temperatures and columns of the tools, imbalance and cut pairs."""
+        """Temperatures and losses of the workpiece, temperatures and columns of the tools, heat that went through contacts
+        of workpieces, imbalance and cut pairs."""
         capacities, pairs, conductances_ = zip(*self._parts, strict=True)
-        coupled = list(self._couplings.values())
+        coupled = [*self._couplings.values(), *(meeting[:2] for meeting in self._meetings.values())]
         start, n = np.concatenate(self._starts), len(self._starts[0])
         padded = lambda values: np.concatenate([values, np.zeros(len(start) - n)])  # noqa: E731
         capacity = np.concatenate(capacities)
@@ -70,16 +76,18 @@ class Joint:
             capacity, np.concatenate([*pairs, *(p for p, _ in coupled)]),
             np.concatenate([*conductances_, *(g for _, g in coupled)]),
             {name: Surroundings(padded(b), padded(ambient)) for name, (b, ambient) in self._outside.items()},
-            {name: Radiation(padded(area), ambient) for name, (area, ambient) in self._radiation.items()})
+            {name: Radiation(padded(area), padded(ambient)) for name, (area, ambient) in self._radiation.items()})
         found = network.step(start, np.concatenate(self._given), dt)
         after = found.temperature
         lost = {name: values[:n] for name, values in found.lost.items()}
+        flow = lambda between, strength: dt * strength * (after[between[:, 0]] - after[between[:, 1]])  # noqa: E731
         for name, (between, strength) in self._couplings.items():
-            flow = dt * strength * (after[between[:, 0]] - after[between[:, 1]])
-            lost[name] = np.bincount(between[:, 0], flow, n)
+            lost[name] = np.bincount(between[:, 0], flow(between, strength), n)
+        through = {name: outwards * float(flow(between, strength).sum())
+                   for name, (between, strength, outwards) in self._meetings.items()}
         own = {first: first + len(part) for part, first in
                zip(self._starts, np.cumsum([0, *map(len, self._starts[:-1])]), strict=True) if len(part)}
         tools = {name: after[first: own[first]] for name, first in self._meshes.items()}
         taken = capacity * (after - start)
         beds = {name: bed.advanced(taken[first: first + len(bed.area)], dt) for name, (first, bed) in self._beds.items()}
-        return after[:n], lost, tools, beds, (found.imbalance, found.cut_pairs)
+        return after[:n], lost, tools, beds, through, (found.imbalance, found.cut_pairs)

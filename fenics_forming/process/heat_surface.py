@@ -9,8 +9,9 @@ import numpy as np
 from ..laws.heat_exchange import HeatExchange, NoExchange
 from ..physics.thermal.bed import Bed
 from ..physics.thermal.network import Radiation, Surroundings
-from ..physics.thermal.pairing import dense_points
+from ..physics.thermal.pairing import dense_points, normals_of
 from .heat_joint import Joint
+from .heat_meeting import Opposite, joined
 from .tool_heat import Touch, due
 
 CLOSED = 1e-2            # of the size of its facet: how near to a tool a point of the surface touches it
@@ -47,6 +48,7 @@ class HeatStep:
     columns: dict[str, Bed]
     tools: dict[str, np.ndarray]
     waited: dict[str, tuple[int, float]]
+    through: dict[str, float]
     imbalance: float
     cut_pairs: int
 
@@ -64,17 +66,34 @@ class Surface:
         facets = heat.facets
         self._sides = _Sides(self.field.nodes.x[facets.facet_nodes])
         points, weights = facets.trace(self.field.nodes.x), facets.weights()
-        points = points.reshape(len(facets.facet_nodes), -1, facets.dim)
+        points = points.reshape(len(facets.facet_nodes), facets.points_per_facet, facets.dim)
         nearest, least = np.full(len(weights), -1), np.full(len(weights), np.inf)
         for k, tool in enumerate(tools):
             gap = self._sides.gap(tool, points).ravel()
             nearer = gap < least
             nearest[nearer], least[nearer] = k, gap[nearer]
         area = lambda mine: self.field.surface_sum(facets, weights * mine)  # noqa: E731
-        self.free = area(nearest < 0)
+        self._meetings = {m.name: (joined(self.field, m), m) for m in heat.meetings if m.coefficient is not None}
+        free = nearest < 0
+        if heat.meetings and heat.air_parts():
+            free &= ~self._covered(points)
+        self.free = area(free)
         self.touched = {tool.name: area(nearest == k) for k, tool in enumerate(tools) if tool.name in heat.exchanges}
         self._touch = {tool.name: self._points(tool) for tool in tools
                        if tool.name in heat.exchanges and heat.exchanges[tool.name].law.warms}
+
+    def _covered(self, points: np.ndarray) -> np.ndarray:
+        """Which points (f, q, dim) of the sides lie on another workpiece, (points,). Collective."""
+        covered, facets = np.zeros(points.shape[:2], bool), self.heat.facets.facet_nodes
+        of_side = self.heat.parts.of_node[facets[:, 0]] if len(facets) else np.zeros(0, int)
+        for meeting in self.heat.meetings:
+            for name, opposite in zip(meeting.bodies, (meeting.master, meeting.slave), strict=True):
+                own = np.flatnonzero(of_side == self.heat.parts.names.index(name))
+                normals, size = (np.repeat(values[own], points.shape[1], axis=0)
+                                 for values in (self._sides.normals, self._sides.length))
+                on, _, _ = Opposite(self.field, opposite).touched(points[own].reshape(-1, points.shape[2]), normals, size)
+                covered[own] |= on.reshape(len(own), points.shape[1])
+        return covered.ravel()
 
     def _points(self, tool) -> Touch:
         """Points that touch a tool that warms up, so dense that none of its sides, or columns, goes without."""
@@ -112,12 +131,11 @@ class Surface:
         Everything is solved on rank 0: there are a twentieth as many temperatures as velocities.
         """
         gathered, comm, count = self.field.gathered, self.field.nodes.comm, len(temperature)
+        nodal = lambda values: gathered(np.broadcast_to(values, count))  # noqa: E731
         parts = self.field.network(), gathered(temperature), gathered(heat)
-        outside = {name: (gathered(s.conductance), gathered(np.broadcast_to(s.ambient, count)))
-                   for name, s in outside.items()}
-        radiation = {name: (gathered(r.area), r.ambient) for name, r in radiation.items()}
-        touches = {name: (touch.gathered(comm), gathered(np.broadcast_to(rubbed.get(name, 0.0), count)))
-                   for name, touch in self._touch.items()}
+        outside = {name: (gathered(s.conductance), nodal(s.ambient)) for name, s in outside.items()}
+        radiation = {name: (gathered(r.area), nodal(r.ambient)) for name, r in radiation.items()}
+        touches = {name: (touch.gathered(comm), nodal(rubbed.get(name, 0.0))) for name, touch in self._touch.items()}
         waited = {name: due(tool, state.waited[name], dt) for name, tool in self.heat.tool_heats.items()}
         answer = None
         if comm.rank == 0:
@@ -126,28 +144,27 @@ class Surface:
                 joint.add(name, tool, state.tools[name], *touches.get(name, (None, None)), waited[name][1] / dt)
             for name, bed in state.columns.items():
                 joint.add_columns(name, self.heat.exchanges[name], bed, *touches.get(name, (None, None)), dt)
+            for name, (points, meeting) in self._meetings.items():
+                joint.add_meeting(name, *points.pairs(meeting.coefficient), meeting.outwards)
             answer = joint.step(dt)
-        after, lost, tools, beds, balance = comm.bcast(answer, 0)
+        after, lost, tools, beds, through, balance = comm.bcast(answer, 0)
         scattered = self.field.scattered
         left = {name: (steps, state.waited[name][1] + dt) if time == 0 else (0, 0.0)
                 for name, (steps, time) in waited.items()}
         return HeatStep(scattered(after), {name: scattered(values) for name, values in lost.items()}, beds, tools, left,
-                        *balance)
+                        through, *balance)
 
 
 class _Sides:
     """Sides of the surface (f, 3 | 6, dim), of some ``length`` (f,), mm, to ask which of their points lie on a tool."""
 
     def __init__(self, x: np.ndarray):
-        dim = x.shape[2]
-        edges = x[:, 1:dim] - x[:, :1]
-        across = edges[:, 0, ::-1] * [1.0, -1.0] if dim == 2 else np.cross(edges[:, 0], edges[:, 1])
-        self._across = across / np.linalg.norm(across, axis=1, keepdims=True)
-        self.length = np.linalg.norm(edges[:, 0], axis=1)
+        self.normals = normals_of(x)
+        self.length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
 
     def gap(self, tool, points: np.ndarray) -> np.ndarray:
         """Distances (f, q) of points (f, q, dim) of the sides from a tool, mm; inf where they do not lie on it."""
         gap, normal = tool.gap(points.reshape(-1, points.shape[2]))
         gap = gap.reshape(points.shape[:2])
-        facing = np.abs(np.einsum("fqd,fd->fq", normal.reshape(points.shape), self._across)) > FACING
+        facing = np.abs(np.einsum("fqd,fd->fq", normal.reshape(points.shape), self.normals)) > FACING
         return np.where((gap <= CLOSED * self.length[:, None]) & facing, gap, np.inf)

@@ -15,6 +15,7 @@ from ..laws.heat_exchange import Air
 from ..physics.thermal.bed import Bed
 from ..physics.thermal.field import HeatField
 from ..physics.thermal.sources import PlasticHeat, friction_heat
+from .heat_meeting import Meeting, friction_heat_between
 from .heat_surface import INSULATING, Surface, ToolExchange
 from .tool_heat import ToolHeat
 
@@ -31,6 +32,7 @@ class HeatState:
     drift : (nodes,) K/s, of the last step: change of temperature by conduction and exchange, without what was made
     hottest : tool with a temperature of its own → that of its hottest place, degC
     made, lost : heat of the last step by source, and by where it went, mJ · imbalance : of it, relative
+    through : contact of two workpieces → heat that the first has given the other in it, mJ
     cut_pairs : how many were left out in it (``Network.step``)
     """
 
@@ -41,36 +43,42 @@ class HeatState:
     drift: np.ndarray | None = None
     made: dict[str, float] = field(default_factory=dict)
     lost: dict[str, float] = field(default_factory=dict)
+    through: dict[str, float] = field(default_factory=dict)
     imbalance: float = 0.0
     cut_pairs: int = 0
 
 
 class BodyHeat:
-    """The heat problem of one workpiece.
+    """The heat problem of a workpiece, or of several in one mesh.
 
     Parameters
     ----------
     heat_field : of the workpiece, on its present mesh
     facets : its surface without mirror planes (``ContactFacets``)
     exchanges : tool → what it does with heat; the others take none
-    effusivity : of the workpiece
+    effusivity : of the workpiece, of several (nodes,)
     tool_heats : of those among them that have a mesh
-    air : what surrounds the free surface, or None
+    air : what surrounds the free surface, or None; of several ``heat_building.AirOfBodies``
+    parts, meetings : of several workpieces, and where they may touch
     workpiece, plastic_fraction : whose flow makes heat; None where nothing flows, or its work does not heat
     """
 
     def __init__(self, heat_field: HeatField, facets, *, exchanges: dict[str, ToolExchange],
-                 effusivity: float, air: Air | None = None, tool_heats: dict[str, ToolHeat] | None = None, workpiece=None,
-                 plastic_fraction: float | None = None):
+                 effusivity: float | np.ndarray, air: Air | None = None, tool_heats: dict[str, ToolHeat] | None = None,
+                 workpiece=None, plastic_fraction: float | np.ndarray | None = None, parts=None,
+                 meetings: tuple[Meeting, ...] = ()):
         self.field, self.facets, self.air, self.tool_heats = heat_field, facets, air, tool_heats or {}
         self.exchanges, self.effusivity = exchanges, effusivity
-        self._plastic = PlasticHeat(workpiece, heat_field, plastic_fraction) if plastic_fraction else None
+        self.parts, self.meetings = parts, meetings
+        self._plastic = None if plastic_fraction is None else PlasticHeat(workpiece, heat_field, plastic_fraction)
         self._contact = None if workpiece is None else workpiece.contact
+        self._interfaces, self._workpiece = getattr(workpiece, "interfaces", None), workpiece
         self.seconds = 0.0
 
     # ------------------------------------------------------------------ while the body flows
     def _names(self) -> list[str]:
         rubbed = [] if self._contact is None else [t.name for t in self._contact.tools if t.has_friction]
+        rubbed += [] if self._interfaces is None else [n for n, c in self._interfaces.by_name.items() if c.has_friction]
         return [PLASTIC] * (self._plastic is not None) + [f"{FRICTION}.{name}" for name in rubbed]
 
     def gathering(self) -> dict[str, np.ndarray]:
@@ -83,6 +91,10 @@ class BodyHeat:
         rates = {} if self._plastic is None else {PLASTIC: self._plastic.rate()}
         if self._contact is not None:
             rates |= {f"{FRICTION}.{name}": rate for name, rate in friction_heat(self.field, self._contact).items()}
+        if self._interfaces is not None:
+            powers, by_name = self._interfaces.friction_powers(self._workpiece.velocity), self._interfaces.by_name
+            rates |= {f"{FRICTION}.{m.name}": friction_heat_between(self.field, m, by_name[m.name], powers[m.name])
+                      for m in self.meetings if m.name in powers}
         self.seconds += perf_counter() - start
         return rates
 
@@ -107,7 +119,8 @@ class BodyHeat:
                          waited=dict.fromkeys(self.tool_heats, (0, 0.0)),
                          hottest={name: self.exchanges[name].law.temperature for name in [*below, *self.tool_heats]},
                          made=dict.fromkeys(self._names(), 0.0),
-                         lost=dict.fromkeys([*self.exchanges, *self.air_parts()], 0.0))
+                         lost=dict.fromkeys([*self.exchanges, *self.air_parts()], 0.0),
+                         through={m.name: 0.0 for m in self.meetings if m.coefficient is not None})
 
     # ------------------------------------------------------------------ from mesh to mesh, from run to run
     def packed(self, state: HeatState) -> dict[str, np.ndarray]:
@@ -155,7 +168,7 @@ class BodyHeat:
     def air_parts(self) -> list[str]:
         """How the free surface loses heat, by the names of that in the balance."""
         air = self.air
-        return [] if air is None else ["air"] * bool(air.coefficient) + ["radiation"] * bool(air.emissivity)
+        return [] if air is None else air.ways
 
     def advance(self, before: dict[str, np.ndarray], gathered: dict[str, np.ndarray], state: HeatState, tools,
                 dt: float) -> tuple[dict[str, np.ndarray], HeatState]:
@@ -176,7 +189,7 @@ class BodyHeat:
         total = self.field.total
         return history, replace(
             state, columns=found.columns, tools=found.tools, waited=found.waited,
-            hottest=self._hottest(found), imbalance=found.imbalance, cut_pairs=found.cut_pairs,
+            hottest=self._hottest(found), through=found.through, imbalance=found.imbalance, cut_pairs=found.cut_pairs,
             drift=(found.temperature - temperature - warmed) / dt,
             made={name: total(self._kept(name) * values * capacity) for name, values in made.items()},
             lost={name: total(values) for name, values in found.lost.items()})
@@ -192,5 +205,6 @@ class BodyHeat:
     def parts_built(self) -> list[str]:
         """What the problem consists of, as words."""
         tools = [f"heat exchange {name}: {exchange.law.kind}" for name, exchange in self.exchanges.items()]
-        return ["heat conduction", *(f"heat by {name}" for name in self._names()), *tools,
+        between = [f"heat through {m.name}" for m in self.meetings if m.coefficient is not None]
+        return ["heat conduction", *(f"heat by {name}" for name in self._names()), *tools, *between,
                 *(f"heat to {name}" for name in self.air_parts())]

@@ -95,7 +95,7 @@ def tool_heat(scene: Scene, known, comm) -> ToolHeat:
     MeshError
         if it cannot be meshed.
     """
-    name, body = known.name, scene.workpiece
+    name, sizes = known.name, [body.mesh_size for body in scene.workpieces.values() if body.mesh_size is not None]
     tool, material = scene.tools[name], scene.materials[tool_material(scene, name)]
     made = lambda nodes: ToolHeat(nodes, KINDS[scene.geometry], tool.heat_exchange, conductivity=material.conductivity,  # noqa: E731
                                   volumetric_capacity=material.density * material.specific_heat)
@@ -104,8 +104,8 @@ def tool_heat(scene: Scene, known, comm) -> ToolHeat:
     near = facing_points(scene, name, {name: tool})[name]
     size = tool.mesh_size
     contact, far = (None, None) if size is None else (size.contact, size.far)
-    if contact is None and body.mesh_size is not None:
-        contact = FINE[scene.dimension] * body.mesh_size
+    if contact is None and sizes:
+        contact = FINE[scene.dimension] * min(sizes)
     mirrors = [scene.axes.index(a) for a in tool.symmetry] + [0] * (scene.geometry == "axisymmetric")
     mesh = solid_mesh(tool.shape, scene.dimension, contact=contact, far=far, near=near, mirrors=mirrors, comm=comm)
     return made(Nodes(mesh))

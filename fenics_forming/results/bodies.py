@@ -47,7 +47,10 @@ class BodyRecord:
             row["min_temperature_degC"] = -self._largest(-history["temperature"])
         for gathered, values in history.items() if self.several else ():
             for body in self._parts.names:
-                row[f"max_{gathered}_{body}"] = self._largest(values[self._mine(body)])
+                unit = "_degC" * (gathered == "temperature")
+                row[f"max_{gathered}_{body}{unit}"] = self._largest(values[self._mine(body)])
+                if unit:
+                    row[f"min_{gathered}_{body}{unit}"] = -self._largest(-values[self._mine(body)])
         return row
 
     def contact_forces(self, unit: str) -> dict[str, float]:

@@ -30,14 +30,15 @@ class HeatLedger:
     def book(self, state) -> None:
         """Add what a step has moved (``heating.HeatState``)."""
         for name, heat in {**{f"by_{n}": h for n, h in state.made.items()},
-                           **{f"to_{n}": h for n, h in state.lost.items()}}.items():
+                           **{f"to_{n}": h for n, h in state.lost.items()},
+                           **{f"through_{n}": h for n, h in state.through.items()}}.items():
             self.sums[name] = self.sums.get(name, 0.0) + heat * self._copies
         self.worst = max(self.worst, abs(state.imbalance))
         self.cut_pairs = max(self.cut_pairs, state.cut_pairs)
 
     def row(self, state, unit: str) -> dict[str, float]:
         """Columns of the history: the hottest place of tools, sums so far in J, and the imbalance of the last step."""
-        sums = {f"heat_{name.replace('.', '_')}_{unit}": heat / 1000 for name, heat in self.sums.items()}
+        sums = {f"heat_{name.replace('.', '_').replace('-', '_')}_{unit}": heat / 1000 for name, heat in self.sums.items()}
         hottest = {f"max_temperature_{name}_degC": value for name, value in state.hottest.items()}
         return hottest | sums | {"heat_imbalance": state.imbalance}
 

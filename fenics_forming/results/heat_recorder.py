@@ -72,6 +72,10 @@ class HeatRecorder:
                "max_temperature_degC": highest(self.comm, float(temperature.max(initial=-np.inf))),
                "min_temperature_degC": lowest(self.comm, float(temperature.min(initial=np.inf))),
                "mean_temperature_degC": run.heat.field.mean(temperature)}
+        for name in run.parts.names if run.parts is not None else ():
+            mine = temperature[self._mine(name)]
+            row[f"max_temperature_{name}_degC"] = highest(self.comm, float(mine.max(initial=-np.inf)))
+            row[f"min_temperature_{name}_degC"] = lowest(self.comm, float(mine.min(initial=np.inf)))
         row |= run.ledger.row(run.state, "J_per_mm" if self.scene.geometry == "plane_strain" else "J")
         row["wall_s"] = wall
         if run.points is not None:
@@ -109,16 +113,26 @@ class HeatRecorder:
         run, wall = self.run, perf_counter() - self._began
         seconds = {"heat": run.heat.seconds, "output": self.seconds}
         seconds["other"] = max(0.0, wall - sum(seconds.values()))
-        low, high = run.nodes.extents()
         return {
             "title": self.scene.title, "stopped": why, "versions": versions(), "ranks": self.comm.size,
             "cells": self._cells(), "dofs": self._dofs(), "parts_built": run.heat.parts_built(),
-            "extents_mm": {self.scene.workpiece_name: {a: [float(lo), float(hi)] for a, lo, hi in
-                                                       zip(self.scene.axes, low, high, strict=True)}},
+            "extents_mm": self._extents(),
             "ledger": {"heat": run.ledger.summary()}, "steps": run.step, "solves": 0, "newton_iterations": 0,
             "newton_iterations_per_solve": 0.0, "remeshings": 0, "seconds_to_build": run.seconds_to_build, "wall_s": wall,
             "cpu_s": process_time() - self._cpu, "wall_s_by_part": seconds, "peak_memory_MB": peak_memory(self.comm),
         }
+
+    def _extents(self) -> dict[str, dict[str, list[float]]]:
+        """Body → axis → lowest and highest coordinate, mm. Collective."""
+        found = {}
+        for name in self.scene.workpieces:
+            x = self.run.nodes.x if self.run.parts is None else self.run.nodes.x[self._mine(name)]
+            low, high = lowest(self.comm, x.min(axis=0, initial=np.inf)), highest(self.comm, x.max(axis=0, initial=-np.inf))
+            found[name] = {a: [float(lo), float(hi)] for a, lo, hi in zip(self.scene.axes, low, high, strict=True)}
+        return found
+
+    def _mine(self, name: str) -> np.ndarray:
+        return self.run.parts.of_node == self.run.parts.names.index(name)
 
     def _cells(self) -> int:
         topology = self.run.nodes.mesh.topology

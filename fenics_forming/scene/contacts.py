@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 from ..errors import SceneError
 from ..laws import FrictionLaw, NoFriction
 from ..laws.described import Described, at_key, unknown_word
-from ..units import Length, NonNegative, refused
+from ..units import HeatTransferCoefficient, Length, NonNegative, Positive, refused
 
 ELEMENTS = ("integration_point", "node")
 NEAR = 0.02      # of the size of a body: surfaces that are nearer than this at the start may touch
@@ -34,12 +34,14 @@ class Contact(Described):
     interference : overlap that they have at the start, mm, which presses them apart; a gap between the shapes stays one.
     element : where contact is looked at, the "integration_point"s of the finer surface or its nodes ("node", the
     classical node-to-facet element).
+    conductance : of heat between two workpieces where they touch, mJ/s/mm^2/K; none goes over if not given.
     """
 
     between: Annotated[tuple[str, str], BeforeValidator(_pair)] = Field(description="the names of two bodies")
     friction: FrictionLaw = NoFriction()
     interference: NonNegative(Length) = 0.0
     element: Literal["integration_point", "node"] = "integration_point"
+    conductance: Positive(HeatTransferCoefficient) | None = None
 
     @property
     def name(self):

@@ -38,12 +38,13 @@ def tool_material(scene, name):
 
 def heat_problems(scene):
     """What makes a scene that asks for temperatures impossible, as `SceneError`s."""
+    parts = {part for tool in scene.tools.values() for part in tool.parts}
+    for number, contact in enumerate(scene.contacts):
+        if contact.conductance is not None and parts & set(contact.between):
+            yield SceneError("is of heat between workpieces; between parts of a tool none is computed",
+                             key=f"contacts.{number}.conductance", got=contact.conductance, allowed="nothing")
     asking = asks_for_heat(scene)
     if asking is None:
-        return
-    if scene.is_assembled:
-        yield SceneError("temperatures are computed for a single workpiece; this scene has several", key=asking,
-                         allowed="one workpiece, or none of air, heat_exchange and plastic_heat_fraction")
         return
     for name, body in scene.workpieces.items():
         if body.temperature is None:
@@ -110,7 +111,12 @@ def heat_warnings(scene):
         given += [f"tools.{name}.heat_exchange" for name, tool in scene.tools.items() if tool.heat_exchange.acts]
         yield from (f"{key}: has no effect, process.heat is false" for key in given)
     if asks_for_heat(scene) is None:
+        yield from (f"contacts.{number}.conductance: has no effect, no temperatures are computed"
+                    for number, contact in enumerate(scene.contacts) if contact.conductance is not None)
         return
+    for number, contact in enumerate(scene.contacts):
+        if set(contact.between) <= set(scene.workpieces) and contact.conductance is None:
+            yield f"contacts.{number}.conductance: is not given, no heat goes from one of these workpieces to the other"
     for body in scene.workpieces.values():
         if scene.process.flow and scene.materials[body.material].plastic_heat_fraction is None:
             yield f"materials.{body.material}.plastic_heat_fraction: is not given, plastic work does not heat the body"

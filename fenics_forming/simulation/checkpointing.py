@@ -24,7 +24,7 @@ def save(run, path: Path, state: State) -> None:
         "step": state.step, "time": state.time, "paused": state.paused, "cooled": state.cooled,
         "dt": state.dt, "speed": run.body.speed,
         "solved_speed": run.body.solved_speed,
-        "mesh_size": run.mesh_size, "mirrors": _with_words(run.mirrors), "bodies": run.body.making(),
+        "mesh_size": run.mesh_size, "mirrors": with_words(run.mirrors), "bodies": run.body.making(),
         "points": _listed(run.points), "flow_lines": _listed(run.lines),
         "start_volume": run.start_volume, "start_extents": run.start_extents,
         "volume_ledger": run.volume_ledger.memory(),
@@ -100,9 +100,9 @@ def resumed(run, checkpoint: Checkpoint) -> State:
                  cooled=saved["cooled"])
 
 
-def _with_words(table: dict) -> dict:
+def with_words(table: dict) -> dict:
     """The same nested tables with words for keys, as JSON has them."""
-    return {str(key): _with_words(value) if isinstance(value, dict) else value for key, value in table.items()}
+    return {str(key): with_words(value) if isinstance(value, dict) else value for key, value in table.items()}
 
 
 def _listed(points: MaterialPoints | None) -> dict[str, list]:

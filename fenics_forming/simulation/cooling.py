@@ -19,13 +19,16 @@ def due(scene: Scene, state: State):
 
 
 def resting(body, history: dict, heat, tools, time: float, steps: int = PARTS):
-    """History and state of the heat after a body has rested on ``tools`` for a time, s; ``lost`` is that of all steps."""
-    lost, worst, cut = dict.fromkeys(heat.lost, 0.0), 0.0, 0
+    """History and state of the heat after a body has rested on ``tools`` for a time, s; what was lost is that of all
+    steps."""
+    lost, through, worst, cut = dict.fromkeys(heat.lost, 0.0), dict.fromkeys(heat.through, 0.0), 0.0, 0
     for _ in range(steps):
         history, heat = body.heat.advance(history, history, heat, tools, time / steps)
         lost |= {name: lost[name] + amount for name, amount in heat.lost.items()}
+        through |= {name: through[name] + amount for name, amount in heat.through.items()}
         worst, cut = max(worst, abs(heat.imbalance)), max(cut, heat.cut_pairs)
-    return history, replace(heat, lost=lost, imbalance=worst, cut_pairs=cut, drift=np.zeros_like(heat.drift))
+    return history, replace(heat, lost=lost, through=through, imbalance=worst, cut_pairs=cut,
+                            drift=np.zeros_like(heat.drift))
 
 
 def cooled(body, state: State, operation, ahead: float) -> State:

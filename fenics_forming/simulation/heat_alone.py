@@ -15,7 +15,7 @@ from ..physics.kinematics import KINDS
 from ..physics.nodes import Nodes
 from ..physics.tools import known_tools
 from ..physics.tracking import MaterialPoints
-from ..process.heat_building import body_heat
+from ..process.heat_building import body_heat, heat_of_bodies
 from ..process.placing import free_facets, mirror_planes
 from ..process.timestep import StepChoice
 from ..results.checkpoint import load_checkpoint, save_checkpoint
@@ -23,7 +23,8 @@ from ..results.heat_ledger import HeatLedger
 from ..results.heat_recorder import HeatRecorder
 from ..results.progress import Silent
 from ..results.results import Results
-from ..scene import Scene, check
+from ..scene import Scene, check, copies
+from .checkpointing import with_words
 
 
 class HeatSimulation:
@@ -48,18 +49,45 @@ class HeatSimulation:
         for tool in self.tools:
             tool.motion = ToolMotion(np.zeros(scene.dimension), np.zeros(scene.dimension))
         self._saved = load_checkpoint(resume) if resume is not None else None
-        if self._saved is None:
-            mesh, _ = body_mesh(scene, self.tools, comm)
-            mirrors = mirror_planes(scene, mesh)
-        else:
-            mesh, mirrors = self._saved.mesh(comm), {int(a): v for a, v in self._saved.scalars["mirrors"].items()}
-        self._mirrors, self.nodes = mirrors, Nodes(mesh)
-        self.heat = body_heat(scene, self.nodes, KINDS[scene.geometry], free_facets(self.nodes, mirrors, scene.axes),
-                              self.tools)
-        self.ledger = HeatLedger(2 ** len(scene.workpiece.symmetry))
-        self.points = MaterialPoints(self.nodes, {name: [point.at] for name, point in scene.points.items()}) \
+        self.parts, self._bodies = None, None
+        self.heat = self._assembled() if scene.is_assembled else self._single()
+        self.nodes, self.ledger = self.heat.field.nodes, HeatLedger(copies(scene))
+        cells = None if self.parts is None else {name: self.parts.cells_of(p.body) for name, p in scene.points.items()}
+        self.points = MaterialPoints(self.nodes, {name: [point.at] for name, point in scene.points.items()}, cells=cells) \
             if scene.points else None
         self.seconds_to_build = perf_counter() - start
+
+    def _single(self):
+        """The heat of the one body."""
+        scene, saved = self.scene, self._saved
+        if saved is None:
+            mesh, _ = body_mesh(scene, self.tools, self.comm)
+            self._mirrors = mirror_planes(scene, mesh)
+        else:
+            mesh, self._mirrors = saved.mesh(self.comm), {int(a): v for a, v in saved.scalars["mirrors"].items()}
+        nodes = Nodes(mesh)
+        return body_heat(scene, nodes, KINDS[scene.geometry], free_facets(nodes, self._mirrors, scene.axes), self.tools)
+
+    def _assembled(self):
+        """The heat of several bodies."""
+        from ..physics.assembly import assembled_mesh
+        from ..physics.parts import Parts
+        from ..process.assembling import boundary_of, finer_bodies, mirror_planes_of
+        scene, saved = self.scene, self._saved
+        if saved is None:
+            mesh, _, counts = assembled_mesh(scene, self.tools, self.comm)
+        else:
+            mesh, counts = saved.mesh(self.comm), saved.scalars["bodies"]["cells"]
+        self.parts = parts = Parts(Nodes(mesh), scene.workpieces, counts)
+        if saved is None:
+            self._mirrors = mirror_planes_of(scene, parts)
+        else:
+            self._mirrors = {name: {int(a): v for a, v in planes.items()}
+                             for name, planes in saved.scalars["mirrors"].items()}
+        free, _ = boundary_of(parts, self._mirrors, scene.axes)
+        slaves = finer_bodies(scene, parts.nodes, free) if saved is None else saved.scalars["bodies"]["slaves"]
+        self._bodies = {"cells": parts.counts, "slaves": slaves}
+        return heat_of_bodies(scene, parts, KINDS[scene.geometry], free, self.tools, slaves)
 
     # ------------------------------------------------------------------ running
     def run(self, out: Path | str | None = None, *, observer=None) -> Results:
@@ -72,7 +100,9 @@ class HeatSimulation:
         """
         observer, stop = observer or Silent(), self.scene.stop.time
         self.step, self.time = 0, 0.0
-        self.history = {"temperature": np.full(self.nodes.count, self.scene.workpiece.temperature)}
+        given = [body.temperature for body in self.scene.workpieces.values()]
+        start = np.full(self.nodes.count, given[0]) if self.parts is None else self.parts.nodal(given)
+        self.history = {"temperature": start}
         self.state = self.heat.first()
         if self._saved is not None:
             self._resume()
@@ -95,8 +125,12 @@ class HeatSimulation:
         except KeyboardInterrupt:
             why = "interrupted"
             raise
+        except Exception as error:               # of several ranks maybe on one only: the others would not come to write
+            why = f"failed: {error!r}" if self.comm.size == 1 else None
+            raise
         finally:
-            recorder.finish(why, self.warnings)
+            if why is not None:
+                recorder.finish(why, self.warnings)
         results = recorder.results()
         observer.finished(results)
         return results
@@ -108,7 +142,7 @@ class HeatSimulation:
         save_checkpoint(path, self.nodes,
                         scalars={"step": self.step, "time": self.time, "heat_ledger": self.ledger.memory(),
                                  "heat_tools": self.heat.tool_memory(self.state),
-                                 "mirrors": {str(axis): value for axis, value in self._mirrors.items()}},
+                                 "mirrors": with_words(self._mirrors), "bodies": self._bodies},
                         nodal={"temperature": self.history["temperature"], **self.heat.saved(self.state, rates)})
 
     def _resume(self) -> None:

@@ -23,7 +23,7 @@ from ..results.ledger import PowerLedger, VolumeLedger, VolumeLedgers
 from ..results.progress import Silent
 from ..results.recorder import Recorder
 from ..results.results import Results
-from ..scene import Scene, check
+from ..scene import Scene, check, copies
 from .checkpointing import resumed, save
 from .state import State
 from .stepping import Stepper
@@ -133,7 +133,7 @@ class Simulation:
             return None
         from ..results.heat_ledger import HeatLedger
 
-        ledger = HeatLedger(2 ** len(self.scene.workpiece.symmetry))
+        ledger = HeatLedger(copies(self.scene))
         if self._saved is not None:
             ledger.remember(self._saved.scalars["heat_ledger"])
         return ledger

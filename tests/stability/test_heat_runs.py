@@ -189,3 +189,65 @@ def test_the_scene_of_hot_forging_runs_as_it_stands_to_its_dead_centre(tmp_path)
     assert exchange | {"term weight"} <= set(built)
     assert 300 < last["max_temperature_upper_degC"] < 600 and last["max_temperature_degC"] > 1155
     assert np.abs(results.history.column("heat_imbalance")).max() < 1e-8
+
+
+TWO = """
+geometry = "axisymmetric"
+process = { cooling = { time = 0.5 } }
+[materials.steel]
+flow_stress = { law = "hensel_spittel", A = "1200 MPa", m1 = -0.0025, m2 = 0.02, m3 = 0.13, m4 = -0.02 }
+density = "7500 kg/m^3"
+conductivity = "28 W/m/K"
+specific_heat = "650 J/kg/K"
+plastic_heat_fraction = 0.9
+[workpieces.core]
+shape = { kind = "rectangle", from = [0, 0], to = [6, 6] }
+material = "steel"
+symmetry = ["z"]
+temperature = 1150
+mesh_size = 1.6
+[workpieces.sleeve]
+shape = { kind = "rectangle", from = [6, 0], to = [10, 6] }
+material = "steel"
+symmetry = ["z"]
+temperature = 800
+mesh_size = 1.4
+air = { temperature = 20, emissivity = 0.8 }
+[[contacts]]
+between = ["core", "sleeve"]
+friction = { law = "siebel", factor = 0.3 }
+conductance = "10000 W/m^2/K"
+[tools.upper]
+shape = { kind = "plane", point = [0, 6], normal = [0, -1] }
+drive = { kind = "speed", velocity = [0, -50] }
+friction = { law = "siebel", factor = 0.3 }
+heat_exchange = { kind = "column", material = "steel", temperature = 200, coefficient = 10 }
+[steps]
+stroke = 0.2
+[stop]
+stroke = 1.6
+"""
+
+
+@pytest.mark.mpi
+def test_heat_of_two_workpieces_goes_on_after_a_break_on_two_ranks(tmp_path):
+    """The core warms the sleeve, before and while both are upset; alone it would have lost nothing to it."""
+    whole = run(TWO, tmp_path / "whole").results
+    run(TWO, tmp_path, "stop.stroke=0.8")
+    again = on_ranks(2, TWO, tmp_path, resume=True)
+    same(whole.history, again.history)
+    heat = whole.history.column("heat_through_core_sleeve_J")
+    assert (np.diff(heat) > 0).all() and np.abs(whole.history.column("heat_imbalance")).max() < 1e-8
+    assert whole.history.column("min_temperature_core_degC")[-1] < 1100
+    assert whole.history.column("max_temperature_sleeve_degC")[-1] > 850
+
+
+@pytest.mark.mpi
+def test_heat_alone_of_two_workpieces_goes_on_after_a_break_on_two_ranks(tmp_path):
+    alone = ("process={ flow = false }", "steps={ time = 0.2 }", "stop={ time = 2 }")
+    text = TWO[: TWO.index("[tools.upper]")].replace('process = { cooling = { time = 0.5 } }\n', "")
+    whole = run(text, tmp_path / "whole", *alone).results
+    run(text, tmp_path, *alone[:2], "stop={ time = 1 }")
+    again = on_ranks(2, text, tmp_path, *alone, resume=True)
+    same(whole.history, again.history, within=1e-10)
+    assert whole.history.column("heat_through_core_sleeve_J")[-1] > 0

@@ -251,6 +251,11 @@ class BodyContact:
         less = np.minimum(self.points.trace(nodal), np.einsum("pa,pa->p", self._found.shapes, master))
         return self.mean(less)
 
+    def opposite(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A nodal field (nodes,) at the vertices of the sides that the points face, (points, dim), and the quadratic
+        shapes of the nodes of these sides there. Collective."""
+        return _everywhere(self.nodes.comm, nodal[self._master[:, : self.dim]])[self._found.facet], self._found.shapes
+
     def mean(self, at_points: np.ndarray) -> np.ndarray:
         """Values at the points (points,) averaged over the hats of the carriers, (carriers,). Collective."""
         return self.carriers.mine(self._sums(at_points[:, None])[:, 0]) / np.where(self.weights > 0, self.weights, 1.0)

@@ -179,6 +179,16 @@ class Interfaces:
         sums = total(self._nodes.comm, np.array([friction, penalty]))
         return {"friction": float(sums[0]), "penalty": float(sums[1])}
 
+    def friction_powers(self, velocity: np.ndarray) -> dict[str, np.ndarray]:
+        """Pair → power that friction takes at its carriers, (carriers,) mW/mm², nowhere negative. Collective."""
+        unknowns, found = self._unknowns_of(velocity), {}
+        for name, contact in self.by_name.items():
+            if contact.has_friction:
+                relative, state = contact.relative(unknowns), contact.state
+                along = contact.traction - state.pressure[:, None] * state.normal
+                found[name] = np.maximum(-np.einsum("pi,pi->p", along, relative), 0.0)
+        return found
+
     def nodal_pressure(self) -> np.ndarray:
         """Pressure between bodies at the nodes (nodes,), MPa, on the surfaces that hold the points. Collective."""
         return nodal_pressure(self._nodes, self.contacts)

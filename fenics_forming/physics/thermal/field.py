@@ -24,6 +24,15 @@ def conduction(T, S, conductivity, weight, dx):
     return conductivity * ufl.inner(ufl.grad(T), ufl.grad(S)) * weight * dx
 
 
+def of_cells(mesh, value: float | np.ndarray):
+    """A number, or one for each cell of this rank (cells,), for forms."""
+    if np.ndim(value) == 0:
+        return fem.Constant(mesh, float(value))
+    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    found.x.array[:] = value
+    return found
+
+
 class HeatField:
     """Capacities of the nodes and conductances between them.
 
@@ -33,22 +42,24 @@ class HeatField:
 
     Parameters
     ----------
-    conductivity : mJ/s/mm/K · volumetric_capacity : density times specific heat, mJ/mm³/K
+    conductivity : mJ/s/mm/K · volumetric_capacity : density times specific heat, mJ/mm³/K; of several bodies (cells,),
+        ghosts included
 
     Attributes
     ----------
     capacity : (nodes,) mJ/K; at mid-nodes of no meaning
     """
 
-    def __init__(self, nodes: Nodes, kinematics: Kinematics, *, conductivity: float, volumetric_capacity: float):
-        self.nodes, self.kinematics, self.volumetric_capacity = nodes, kinematics, volumetric_capacity
+    def __init__(self, nodes: Nodes, kinematics: Kinematics, *, conductivity: float | np.ndarray,
+                 volumetric_capacity: float | np.ndarray):
+        self.nodes, self.kinematics = nodes, kinematics
         mesh, space = nodes.mesh, nodes.scalar_space
         weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
         T, S = ufl.TrialFunction(space), ufl.TestFunction(space)
         exactly = kinematics.dim + 1 + 2 * (kinematics.name == "axisymmetric")      # Jacobian, hat, radius
         dx = lambda degree: ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})  # noqa: E731
-        self._storage = fem.form(storage(fem.Constant(mesh, volumetric_capacity), S, weight, dx(exactly)))
-        self._conduction = fem.form(conduction(T, S, fem.Constant(mesh, conductivity), weight, dx(3)))
+        self._storage = fem.form(storage(of_cells(mesh, volumetric_capacity), S, weight, dx(exactly)))
+        self._conduction = fem.form(conduction(T, S, of_cells(mesh, conductivity), weight, dx(3)))
         self._matrix = fem.create_matrix(self._conduction)
         self.capacity = self.nodal_sum(self._storage)
 
@@ -85,6 +96,11 @@ class HeatField:
     def total(self, nodal: np.ndarray) -> float:
         """Sum over the vertices of all ranks of what their hats share, (nodes,). Collective."""
         return float(total(self.nodes.comm, float(nodal[self._owned_vertices].sum())))
+
+    @cached_property
+    def vertex_count(self) -> int:
+        """Vertices of all ranks. Collective."""
+        return int(total(self.nodes.comm, len(self._owned_vertices)))
 
     @cached_property
     def _owned_vertices(self):

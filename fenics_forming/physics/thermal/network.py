@@ -37,10 +37,10 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Radiation:
-    """Grey surroundings: area times emissivity (n,) mm², and their temperature, degC."""
+    """Grey surroundings: area times emissivity (n,) mm², and their temperature (n,) or one, degC."""
 
     area: np.ndarray
-    ambient: float
+    ambient: np.ndarray | float
 
     def power(self, temperature: np.ndarray) -> np.ndarray:
         """Lost by the nodes, mW."""

@@ -35,6 +35,14 @@ def dense_points(x: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray, np.
     return np.einsum("qa,fad->fqd", quadratic_shapes(hats, dim - 1), x), stretch / len(hats), hats
 
 
+def normals_of(x: np.ndarray) -> np.ndarray:
+    """Unit normals of sides (f, 3 | 6, dim) as if they were straight, towards either side, (f, dim)."""
+    dim = x.shape[2]
+    edges = x[:, 1:dim] - x[:, :1]
+    across = edges[:, 0, ::-1] * [1.0, -1.0] if dim == 2 else np.cross(edges[:, 0], edges[:, 1])
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
+
+
 class TouchedSides:
     """The straight sides of a surface, to find places on it.
 

@@ -8,7 +8,7 @@ from dolfinx import fem
 
 from ..nodes import QUADRATURE_DEGREE
 from ..terms import plastic
-from .field import HeatField
+from .field import HeatField, of_cells
 
 
 class PlasticHeat:
@@ -18,15 +18,15 @@ class PlasticHeat:
 
     Parameters
     ----------
-    workpiece : whose present flow it is · field : with the hats S · fraction : β
+    workpiece : whose present flow it is · field : with the hats S · fraction : β, of several bodies (cells,)
     """
 
-    def __init__(self, workpiece, field: HeatField, fraction: float):
+    def __init__(self, workpiece, field: HeatField, fraction: float | np.ndarray):
         kin, mesh = workpiece.kinematics, workpiece.nodes.mesh
         v = ufl.split(workpiece.solution)[0]
         D, S = kin.strain_rate(v), ufl.TestFunction(field.nodes.scalar_space)
         rate = ufl.sqrt(2 / 3 * ufl.dot(D, D) + workpiece.rate0**2)
-        weight = kin.weight(ufl.SpatialCoordinate(mesh)) * S * fem.Constant(mesh, float(fraction))
+        weight = kin.weight(ufl.SpatialCoordinate(mesh)) * S * of_cells(mesh, fraction)
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE[kin.dim],
                                                       "quadrature_rule": "default"})
         self.field = field
