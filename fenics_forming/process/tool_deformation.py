@@ -76,7 +76,8 @@ class Deformation:
     def _switch(self, body, why: str) -> None:
         """From "coupled" to "iterated", or back."""
         self.fallen_back = self.motions.given
-        self.motions.given, self.motions.reaction = not self.fallen_back, None
+        self.motions.given = not self.fallen_back
+        self.motions.forget()
         if self.motions.given:
             self.motions.rate = self.motions.pace
         body.solver.renew_border()

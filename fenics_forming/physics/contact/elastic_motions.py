@@ -9,8 +9,14 @@ with the compliance S of ``tool_body.compliance``, one dense symmetric block tha
 (:math:`u^*=f^*=0`).  Of a tool that yields or has parts it is the tangent at the forces f* under which it was last solved.
 All other nodes are free of traction; the field inside follows from one back-substitution where somebody asks.
 
-The force at the end of a step, which a solve in its middle does not know, is extrapolated as a whole, by the growth of its
-size from the last step to this one: what single points do from one solve to the next would be carried into the next one.
+The force at the end of a step, which a solve before does not know, is extrapolated as a whole, in the pattern of the
+earlier one :math:`Q_p`: what single points do from one solve to the next would be carried into the next one.  With
+:math:`u_p=SQ_p` and :math:`\hat q=Q_p/\sqrt{u_p\cdot Q_p}`, where :math:`Q_e=Q+r\,Q_p\,u_p\cdot(Q-Q_p)/(u_p\cdot Q_p)`,
+
+.. math:: B K_s\,\tau a = B\,(f-f^*-K_s(u_0-u^*)+r Q_p)-Q ,\qquad
+          B K_s = K_s-\tfrac{r}{1+r}\,\hat q\hat q^T ,
+
+symmetric and positive definite, since :math:`B^{-1}=1+r\,Q_p u_p^T/(u_p\cdot Q_p)`.
 """
 
 from __future__ import annotations
@@ -53,7 +59,6 @@ class ElasticMotions(FreeMotions):
         self.solved_at = np.zeros((2, surface.count * surface.dim))      # u* and f*
         if at_rest is not None:
             self.solved_at[0] = at_rest.ravel()
-        self._before = 0.0, 0.0         # time and size of the reaction of the step before
         super().__init__(0)
 
     deforms = True
@@ -93,13 +98,18 @@ class ElasticMotions(FreeMotions):
             if values is not None:
                 setattr(self, name, np.zeros(len(unknown)))
                 getattr(self, name)[old] = values
+        if self._start is not None:
+            time, values, speed = self._start
+            self._start = time, np.zeros(len(unknown)), speed
+            self._start[1][old] = values
         self.unknown, self.count = unknown, len(unknown)
         self.stiffness = np.linalg.inv(S)
         self.stiffness = 0.5 * (self.stiffness + self.stiffness.T)
 
     def _start_with(self, unknown: np.ndarray) -> None:
         """These unknowns, at rest. Collective."""
-        self.unknown, self.count, self.reaction = np.empty(0, dtype=np.int64), 0, None
+        self.unknown, self.count = np.empty(0, dtype=np.int64), 0
+        self.forget()
         for name in ("displacement", "earlier", "rate", "velocity", "pace", "force", "mass"):
             setattr(self, name, np.zeros(0))
         self.stiffness = np.zeros((0, 0))
@@ -136,25 +146,34 @@ class ElasticMotions(FreeMotions):
         self.horizon = horizon
         at, force = self.solved_at[:, self.unknown]
         self.resistance = horizon * self.stiffness
-        self.load = self.force - force - self.stiffness @ (self.displacement - at) - self._to_come()
+        self.load = self.force - force - self.stiffness @ (self.displacement - at)
+        earlier, yields, more = self._pattern()
+        if earlier is not None:
+            part, work = more / (1.0 + more), float(yields @ earlier)
+            self.resistance = self.resistance - (horizon * part / work) * np.outer(earlier, earlier)
+            self.load = self.load + part * earlier * (1.0 - float(yields @ self.load) / work)
 
-    def _to_come(self) -> np.ndarray | float:
-        """What the reaction will have grown by at the end of the step, (n,) N; ``reaction`` is its rate here."""
-        inside = 1e-9 * self.horizon < self.now - self.since < self.horizon
-        return self.reaction * (self.since + self.horizon - self.now) if inside and self.reaction is not None else 0.0
+    def _pattern(self) -> tuple[np.ndarray | None, np.ndarray | None, float]:
+        """Q_p, S Q_p and r, None where nothing is extrapolated."""
+        earlier, more = self._before_now()
+        if earlier is None or not earlier.any():
+            return None, None, 0.0
+        return earlier, np.linalg.solve(self.stiffness, earlier), more
 
     def at_end(self, reaction: np.ndarray) -> np.ndarray:
         """The reaction (n,) of a solve as it will be at the end of its step, (n,) N."""
-        return reaction + self._to_come()
+        earlier, yields, more = self._pattern()
+        if earlier is None:
+            return reaction
+        return reaction + more * earlier * float(yields @ (reaction - earlier)) / float(yields @ earlier)
 
     def found(self, reaction: np.ndarray) -> bool:
         """See `FreeMotions.found`."""
         if self.now > self.since:
             return False
-        size, (time, before) = float(np.linalg.norm(reaction)), self._before
-        self._before, self.reaction = (self.now, size), None
-        if before > 0 and self.now > time and abs(size - before) <= SMOOTH * size:
-            self.reaction = (1.0 - before / size) / (self.now - time) * reaction
+        size, before = (0.0 if r is None else float(np.linalg.norm(r)) for r in
+                        (reaction, None if self._start is None else self._start[1]))
+        self._keep(reaction, smooth=before > 0 and abs(size - before) <= SMOOTH * size)
         return False
 
     def unopposed(self) -> np.ndarray:
@@ -170,8 +189,7 @@ class ElasticMotions(FreeMotions):
 
     def memory(self) -> dict[str, np.ndarray | float]:
         """See `FreeMotions.memory`."""
-        return super().memory() | {"unknown": self.unknown.copy(), "solved_at": self.solved_at.copy(),
-                                   "before": list(self._before)}
+        return super().memory() | {"unknown": self.unknown.copy(), "solved_at": self.solved_at.copy()}
 
     def remember(self, memory) -> None:
         """See `FreeMotions.remember`; nodes that are unknown by now stay so."""
@@ -182,7 +200,6 @@ class ElasticMotions(FreeMotions):
             self.solved_at = solved_at
             self._start_with(unknown)
         super().remember(memory)
-        self._before = tuple(memory["before"])
         if len(later) > len(unknown):
             self._take(later)
 

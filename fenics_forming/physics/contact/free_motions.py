@@ -7,9 +7,10 @@ With the given velocity of the tool's surface :math:`V_q` and the unknown rates 
 t the traction of the tool on the body.  The rates of a solve are means over its horizon :math:`\tau`, from the state
 :math:`u_0, w_0` that was last settled: :math:`(2M/\tau)(a-w_0)+K(u_0+\theta\tau a)=f-Q`, :math:`Q=\int\Phi^Tt`.  With a
 mass :math:`\theta=1/2` keeps energy.  Without, u follows the force; :math:`\theta=1` takes it there in one step, but with
-the force on the geometry of the solve, half a step before the end in the midpoint scheme.  So where the force goes on
-smoothly the Q at the end is extrapolated from those of this solve and of the start of the step: second order, and no
-ringing, as the rule :math:`\theta=1/2` would have, since nothing of :math:`u_0` is left in :math:`u_1`.
+the force on the geometry of the solve, not on that at the end of the horizon.  So where the force goes on smoothly the Q at
+the end is extrapolated from the unknown one of this solve and an earlier one, :math:`Q_e=Q+r(Q-Q_p)`: second order, and
+no ringing at any step.  (With the Q's of two earlier solves it would ring as the lagged scheme of ``process.stability``
+does; the rule :math:`\theta=1/2` would ring as well, since nothing of :math:`u_0` is left in :math:`u_1`.)
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class FreeMotions:
     rate : (n,) mm/s or rad/s, found by the solve and the start of the next · force : (n,) N or N mm, given
     displacement, velocity : (n,) at the time ``since``, s · horizon : of the last solve, s · now : its time, s
     reaction : (n,) N, Q of the solve at ``since``, to extrapolate from; None where it does not go on smoothly
+    speed : mm/s, of the tools in the next solve
     given : whether the rates are given, and no unknowns of the solve · earlier : (n,) displacement when they were found
     pace : (n,) mean rates of the last tool step
     basis : (points · dim, n) the motions at the contact points
@@ -50,6 +52,9 @@ class FreeMotions:
         self.displacement, self.rate = np.zeros(count), self.velocity.copy()
         self.since, self.now, self.horizon, self.count = 0.0, 0.0, 1.0, count
         self.reaction: np.ndarray | None = None
+        self.speed = 0.0
+        self._start: tuple[float, np.ndarray, float] | None = None      # time, Q and speed of the last solve at a start
+        self._goes_on = False           # whether Q goes on smoothly from there
         self._implicit = 0.5 if self.mass.any() else 1.0
         self.basis, self.given, self.earlier, self.pace = None, False, np.zeros(count), np.zeros(count)
 
@@ -71,11 +76,27 @@ class FreeMotions:
         self.horizon, inertia = horizon, 2 * self.mass / horizon
         self.resistance = self._implicit * horizon * self.stiffness + np.diag(inertia)
         self.load = self.force - self.stiffness @ self.displacement + inertia * self.velocity
-        passed = self.now - self.since
-        if self.reaction is not None and 1e-9 * horizon < passed < horizon:
-            more = horizon / passed - 1.0       # Q at the end: (1 + more) Q now - more Q at the start
+        earlier, more = self._before_now()
+        if earlier is not None:
             self.resistance = self.resistance / (1.0 + more)
-            self.load = (self.load + more * self.reaction) / (1.0 + more)
+            self.load = (self.load + more * earlier) / (1.0 + more)
+
+    def _before_now(self) -> tuple[np.ndarray | None, float]:
+        """An earlier reaction Q_p (n,), N, to extrapolate from, and r: the way of the tools to the end of the horizon over
+        that since then. In the middle of a step Q_p is that of its start, at a start that of the start before."""
+        passed = self.now - self.since
+        if passed > 1e-9 * self.horizon:
+            return (self.reaction, self.horizon / passed - 1.0) if passed < (1 - 1e-9) * self.horizon else (None, 0.0)
+        if not self._goes_on:
+            return None, 0.0
+        time, reaction, speed = self._start
+        way = 0.5 * (speed + self.speed) * (self.now - time)
+        to_come = self.speed * self.horizon
+        return (reaction, min(to_come / way, 1.0)) if way > 0 else (None, 0.0)
+
+    def forget(self) -> None:
+        """The reaction does not go on from what it was."""
+        self.reaction, self._start, self._goes_on = None, None, False
 
     def found(self, reaction: np.ndarray) -> bool:
         """A solve has converged with this reaction of the body, Q (n,), N; whether it has to be done again, because the
@@ -83,9 +104,14 @@ class FreeMotions:
         if self.now > self.since or self.mass.any():
             return False
         change = self.stiffness @ (self.rate * self.horizon)
-        smooth = np.linalg.norm(change) <= SMOOTH * np.linalg.norm(reaction)
-        self.reaction = reaction if smooth else None
+        self._keep(reaction, smooth=np.linalg.norm(change) <= SMOOTH * np.linalg.norm(reaction))
         return False
+
+    def _keep(self, reaction: np.ndarray, smooth: bool) -> None:
+        """The reaction at the start of a step."""
+        before, self._start = self._start, (self.now, reaction.copy(), self.speed)
+        self.reaction = self._start[1] if smooth else None
+        self._goes_on = bool(smooth and self.stiffness.any() and before is not None and self.now > before[0])
 
     @property
     def time_left(self) -> float:
@@ -127,7 +153,8 @@ class FreeMotions:
         return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy(), "rate": self.rate.copy(),
                 "force": self.force.copy(), "since": self.since, "now": self.now, "horizon": self.horizon,
                 "reaction": self.reaction, "given": self.given, "earlier": self.earlier.copy(),
-                "pace": self.pace.copy()}
+                "pace": self.pace.copy(), "goes_on": self._goes_on,
+                "start": None if self._start is None else [self._start[0], self._start[1].tolist(), self._start[2]]}
 
     def remember(self, memory) -> None:
         """Take over what :meth:`memory` gave."""
@@ -136,6 +163,8 @@ class FreeMotions:
             setattr(self, name, np.array(memory[name], float))
         self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
         self.reaction = None if memory["reaction"] is None else np.array(memory["reaction"], float)
+        self._goes_on, start = bool(memory["goes_on"]), memory["start"]
+        self._start = None if start is None else (start[0], np.array(start[1], float), start[2])
 
 
 class RigidMotions(FreeMotions):

@@ -231,6 +231,10 @@ class RigidContact:
         """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to."""
         self._speed = max(speed, 1e-30)
         self.slip0 = self.slip_regularisation * self._speed
+        for tool in self.tools:
+            if tool.free is not None:
+                tool.free.speed = speed
+                tool.free.prepare(self.dt)
 
     def search(self, positions: np.ndarray, dt: float) -> None:
         """Closest points for the body and tools where they are now; contact looks ahead by ``dt``, s."""
@@ -250,6 +254,7 @@ class RigidContact:
         """Tools move by themselves as they do where no body opposes them; on the closest points of the last search."""
         for tool in self.tools:
             if tool.free is not None and tool.free.basis is not None and not tool.free.given:
+                tool.free.forget()
                 tool.free.rate = tool.free.unopposed()
                 tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
 
