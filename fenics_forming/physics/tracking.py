@@ -50,9 +50,9 @@ class MaterialPoints:
         """Where the points are now, name → (k, dim) mm, on every rank. Collective."""
         return self.values(self._nodes.x)
 
-    def relocated(self, nodes: Nodes) -> MaterialPoints:
-        """The same points at their present places in a new mesh of the body. Collective."""
-        return MaterialPoints(nodes, self.places)
+    def relocated(self, nodes: Nodes, cells: dict[str, np.ndarray] | None = None) -> MaterialPoints:
+        """The same points at their present places in a new mesh of the body, or ``cells`` of it. Collective."""
+        return MaterialPoints(nodes, self.places, cells=cells)
 
     def _by_name(self, rows):
         return dict(zip(self._names, np.split(rows, self._ends), strict=True))

@@ -43,8 +43,17 @@ class BodyVolume:
 
     def restore_volume(self, volume: float) -> Restored:
         """Offset the free surface until the body has the given volume, mm³; pressed nodes stay. Collective."""
+        return self._restore(self.free_surface, volume)
+
+    def restore_volumes(self, volumes: dict[str, float]) -> dict[str, Restored]:
+        """The same of several bodies, by name; what they press on one another with stays. Collective."""
+        return {name: self._restore(surface, volumes[name]) for name, surface in self.surfaces.items()}
+
+    def _restore(self, surface: FreeSurface, volume: float) -> Restored:
         start = perf_counter()
         pressed = sum(self._pressed_nodes().values(), np.zeros(self.nodes.count, bool))
-        done = self.free_surface.offset_to(volume, self.x, self.tools, pressed=pressed)
+        between = self.interfaces is not None and not self.workpiece.is_cold
+        done = surface.offset_around(volume, self.x, self.tools, pressed=pressed,
+                                     met=self.interfaces.pressed_nodes() if between else None)
         self.seconds["shifting"] += perf_counter() - start
         return done

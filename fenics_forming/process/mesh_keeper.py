@@ -26,8 +26,8 @@ QUADRATIC = ("velocity", "positions")     # of what a scheme remembers; all else
 @dataclass(frozen=True)
 class Record:
     """A remeshing that was done: after which step, time s, why, cells before and after, what made the mesh, what of the
-    old boundary could not be kept, changes of volume by cause mm³, relative change of the integrals of the history,
-    force of every tool before and after N, s, least ratio of radii of the new cells."""
+    old boundary could not be kept, changes of volume by cause (of several bodies by name) mm³, relative change of the
+    integrals of the history, force of every tool before and after N, s, least ratio of radii of the new cells."""
 
     step: int
     time: float
@@ -89,13 +89,11 @@ class MeshKeeper:
             if no mesh can be made, or no flow found on it; the body is as it was then.
         """
         numbers, remembered = scheme.memory()
-        made = renew(body, _carried(body, history, flow, remembered), mirrors=self._mirrors,
-                     sizes=partial(self._sizes, body.tools), chord=self.settings.chord, least=self._least(),
-                     hover=self.settings.penetration, engine=self.settings.engine, kept_volume=self._kept_volume)
+        made = self._made(body, _carried(body, history, flow, remembered))
         before = [(tool.state, tool.traction) for tool in body.tools]
         forces = _forces(body)
         try:
-            new = flowing_body(self._scene, made.mesh, body.tools, self._mirrors)
+            new = self._body_on(made, body)
             local = _scattered(new, made)
             before, history, conserved = history, {name: local[f"history.{name}"] for name in history}, made.conservation
             if new.heat is not None:
@@ -107,11 +105,29 @@ class MeshKeeper:
                 tool.state, tool.traction = state, traction
             raise
         scheme.remember(numbers, {name: local[f"scheme.{name}"] for name in remembered})
-        self.triggers.renewed(step, new)
+        self._renewed(step, new)
         self.seconds["remeshing"] += made.seconds
         self.records.append(Record(step, time, reason, made.cells, made.engine, made.healed, made.volume, conserved,
-                                   (forces, _forces(new)), made.seconds, self.triggers.best))
+                                   (forces, _forces(new)), made.seconds, self._best()))
         return new, history, flow
+
+    # ------------------------------------------------------------------ what it is of
+    def _made(self, body: FlowingBody, carried: Carried) -> Renewed:
+        return renew(body, carried, mirrors=self._mirrors, **self.wishes(body.tools))
+
+    def _body_on(self, made: Renewed, before: FlowingBody) -> FlowingBody:
+        return flowing_body(self._scene, made.mesh, before.tools, self._mirrors)
+
+    def _renewed(self, step: int, body: FlowingBody) -> None:
+        self.triggers.renewed(step, body)
+
+    def _best(self) -> float:
+        return self.triggers.best
+
+    def wishes(self, tools) -> dict:
+        """What a new mesh must be like, as `remeshing.renew` takes it."""
+        return {"sizes": partial(self._sizes, tools), "chord": self.settings.chord, "least": self._least(),
+                "hover": self.settings.penetration, "engine": self.settings.engine, "kept_volume": self._kept_volume}
 
     def _least(self) -> float:
         """The finest sides that curvature, chord and short runs of the boundary may ask for, mm."""
@@ -133,6 +149,8 @@ def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> 
         carried.quadratic |= {"before.velocity": body.inertia.before.velocity, "now.velocity": body.inertia.velocity}
     for tool in body.tools:
         carried.linear[f"pressure.{tool.name}"] = body.contact.facets.to_nodes(tool.state.pressure, body.contact.weights)
+    if body.interfaces is not None:
+        carried.linear |= {f"between.{name}": values for name, values in body.interfaces.nodal_pressures().items()}
     for name, values in remembered.items():
         (carried.quadratic if name in QUADRATIC else carried.linear)[f"scheme.{name}"] = values
     return carried
@@ -157,6 +175,9 @@ def _flow(new: FlowingBody, old: FlowingBody, history: dict, local: dict, time: 
     w, rate_scale = new.workpiece, old.workpiece.last_rate[1]
     w.guess(local["velocity"], local["mean_stress"], local["rate"], rate_scale)
     new.contact.resume_from_nodes({t.name: local[f"pressure.{t.name}"] for t in new.tools}, local["velocity"], new.reach)
+    if new.interfaces is not None:
+        new.interfaces.resume_from_nodes({name: local[f"between.{name}"] for name in new.interfaces.names},
+                                         local["velocity"])
     return new.solve(time, history, dt, ahead=ahead)
 
 

@@ -47,6 +47,7 @@ class Renewed:
     volume : changes, mm³ (mm² in plane strain), by cause: "remeshing", "corners", "given back"
     conservation : relative change of the integral of every linear field
     healed : what of the old boundary could not be kept, in words
+    counts : cells of each of several bodies; volume and conservation are by their names then
     """
 
     mesh: Mesh
@@ -57,6 +58,7 @@ class Renewed:
     engine: str
     healed: tuple[str, ...]
     seconds: float
+    counts: list[int] | None = None
 
 
 def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], sizes, chord: float | None, least: float,
@@ -84,43 +86,53 @@ def renew(body: FlowingBody, carried: Carried, *, mirrors: dict[int, float], siz
     x, cells = gather_nodal(nodes, nodes.x), gather_cells(nodes)
     given = carried.gathered(nodes)
     landed = LANDED * body.contact.facets.size()
-
-    def make():
-        old = BodyArrays(x, cells)
-        wanted = sizes(old, side_labels(old, body.tools, mirrors, landed), given.linear | given.quadratic)
-        drawn = drawn_to_corners(old, wanted, body.tools, mirrors)
-        labels = side_labels(drawn, body.tools, mirrors, landed)
-        landing = Landing({k: tool.gap for k, tool in enumerate(body.tools, start=1)},
-                          lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
-        made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
-        surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
-        start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
-        new = surface.volume(made.x)
-        placed = put_back(made, body.tools, mirrors)
-        back = surface.volume(placed)
-        if kept_volume is not None:
-            surface.offset_to(kept_volume, placed, body.tools)
-        if overturned(made.x, placed, made.cells).any() or scaled_jacobian(placed, made.cells).min() <= 0.0:
-            raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
-        moved = Transfer(old, placed)
-        fields = {name: moved.linear(values) for name, values in given.linear.items()}
-        fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
-        for name in given.linear:
-            fields[name] = means_at_mids(made, fields[name])
-        lost = conservation(old, BodyArrays(placed, made.cells), {
-            name: (given.linear[name], fields[name]) for name in given.linear
-            if name.startswith("history.") and not name.startswith("history.heat.")},
-            axisymmetric=kinematics.name == "axisymmetric")
-        change = {"remeshing": new - known, "corners": known - start + back - new,
-                  "given back": surface.volume(placed) - back}
-        return placed, made, fields, change, lost
-
-    found = on_first_rank(nodes.comm, make)
+    found = on_first_rank(nodes.comm, lambda: renewed_arrays(
+        BodyArrays(x, cells), given, body.tools, kinematics, mirrors=mirrors, sizes=sizes, chord=chord, least=least,
+        hover=hover, engine=engine, kept_volume=kept_volume, landed=landed))
     placed, made, fields, volume, lost = found or (np.empty((0, nodes.dim)), None, None, {}, {})
     new_cells = made.cells if made is not None else np.empty((0, cells_width(nodes.dim)), np.int64)
     mesh = from_arrays(placed, new_cells, nodes.comm)
     told = made and (volume, lost, (len(cells), len(new_cells)), made.engine, made.healed)
     return Renewed(mesh, fields, *nodes.comm.bcast(told, 0), perf_counter() - start)
+
+
+def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirrors, sizes, chord, least, hover, engine,
+                   kept_volume, landed, neighbours=None):
+    """The new mesh of a body that is wholly on this rank: positions of its nodes, the `Remeshed`, what was carried to the
+    nodes, changes of volume, and of the integrals of the history; as :func:`renew`.
+
+    landed : mm; a side that hovers less than this above a tool is on it · neighbours : `Neighbours` among several bodies
+    """
+    wanted = sizes(old, side_labels(old, tools, mirrors, landed), given.linear | given.quadratic)
+    drawn = drawn_to_corners(old, wanted, tools, mirrors)
+    labels = side_labels(drawn, tools, mirrors, landed)
+    landing = Landing({k: tool.gap for k, tool in enumerate(tools, start=1)},
+                      lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
+    made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
+    surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
+    start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
+    new = surface.volume(made.x)
+    placed = put_back(made, tools, mirrors)
+    met = None
+    if neighbours is not None:
+        met = neighbours.meet(made, placed)
+        follow(made, placed)
+    back = surface.volume(placed)
+    if kept_volume is not None:
+        surface.offset_around(kept_volume, placed, tools, met=met)
+    if overturned(made.x, placed, made.cells).any() or scaled_jacobian(placed, made.cells).min() <= 0.0:
+        raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
+    moved = Transfer(old, placed)
+    fields = {name: moved.linear(values) for name, values in given.linear.items()}
+    fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
+    for name in given.linear:
+        fields[name] = means_at_mids(made, fields[name])
+    lost = conservation(old, BodyArrays(placed, made.cells), {
+        name: (given.linear[name], fields[name]) for name in given.linear
+        if name.startswith("history.") and not name.startswith("history.heat.")},
+        axisymmetric=kinematics.name == "axisymmetric")
+    change = {"remeshing": new - known, "corners": known - start + back - new, "given back": surface.volume(placed) - back}
+    return placed, made, fields, change, lost
 
 
 def means_at_mids(body: BodyArrays, values: np.ndarray) -> np.ndarray:

@@ -197,12 +197,14 @@ def hold_corners(body, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """
     for tool in body.tools if body.nodes.dim == 2 else ():
         for corner in protruding_corners(tool):
-            history = _held(body, tool, corner, history)
+            for free, _ in body.skins():
+                history = _held(body, free, tool, corner, history)
     return history
 
 
-def _held(body, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    nodes, sides, x = body.nodes, body.free_surface.surface.sides, body.x
+def _held(body, free, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The same for one tool, one of its corners, and one body with the surface ``free`` (`FreeSurface`)."""
+    nodes, sides, x = body.nodes, free.surface.sides, body.x
     passed, mine = bridged(x, sides, tool, corner), None
     if passed is not None:
         k, s = passed
@@ -214,9 +216,9 @@ def _held(body, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dic
         return history
     distance, place, values = min(found, key=lambda one: one[0])
     if distance == 0.0 or any(abs(place[axis] - value) < 1e-8 * body.size
-                               for axis, value in body.free_surface.mirrors.items()):
+                               for axis, value in free.mirrors.items()):
         return history
-    vertex = np.flatnonzero((np.abs(x - place) < 1e-12 * body.size).all(axis=1) & nodes.is_vertex)
+    vertex = np.flatnonzero((np.abs(x - place) < 1e-12 * body.size).all(axis=1) & nodes.is_vertex & free.nodes)
     x[vertex] = corner
     _follow(body, tool, vertex, corner - place)
     history = {name: array.copy() for name, array in history.items()}

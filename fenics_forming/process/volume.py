@@ -119,6 +119,18 @@ class FreeSurface:
                          f"{abs(moved):.3g} mm")
         return Restored(before, volume, moved, shortfall)
 
+    def offset_around(self, wanted: float, x: np.ndarray, tools=(), *, pressed: np.ndarray | None = None,
+                      met: np.ndarray | None = None) -> Restored:
+        """The same where nodes ``met`` (n,) lie on another body: they stay, unless the body has no other free surface.
+        Collective."""
+        if met is None:
+            return self.offset_to(wanted, x, tools, pressed=pressed)
+        done = self.offset_to(wanted, x, tools, pressed=met if pressed is None else met | pressed)
+        if done.shortfall is None:
+            return done
+        rest = self.offset_to(wanted, x, tools, pressed=pressed)
+        return Restored(done.before, rest.after, done.distance + rest.distance, rest.shortfall)
+
     # ------------------------------------------------------------------ directions
     def directions(self, x: np.ndarray, held: np.ndarray) -> np.ndarray:
         """How every node moves for a unit offset of the free surface, (n, dim); ``held`` (n,) nodes stay. Collective."""

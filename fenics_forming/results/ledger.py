@@ -71,10 +71,9 @@ class VolumeLedger:
 class VolumeLedgers:
     """Volumes of several bodies, by name, each against that of its start."""
 
-    restored = False
-
-    def __init__(self, starts: dict[str, float]):
-        self._ledgers = {name: VolumeLedger(start) for name, start in starts.items()}
+    def __init__(self, start: dict[str, float], *, restored: bool = False):
+        self.start, self.restored = start, restored
+        self._ledgers = {name: VolumeLedger(volume, restored=restored) for name, volume in start.items()}
 
     def book(self, changes: dict[str, dict[str, float]]) -> None:
         """Add changes of volume, mm³, by body and cause."""

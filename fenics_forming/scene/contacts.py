@@ -80,15 +80,6 @@ def contact_problems(scene):
             yield SceneError(f"'{contact.between[0]}' and '{contact.between[1]}' {sentence}",
                              key=f"contacts.{number}.between", got=contact.between, allowed="bodies of one kind")
     yield from _limits_without_yield(scene, tool_of)
-    if len(scene.workpieces) < 2:
-        return
-    for name, body in scene.workpieces.items():
-        if body.remesh is not None:
-            yield SceneError("the mesh is renewed for a single workpiece only; leave it out",
-                             key=f"workpieces.{name}.remesh", got=True, allowed="nothing, with several workpieces")
-    if scene.process.volume_constancy == "each_step":
-        yield SceneError("lost volume is given back to a single workpiece only; leave it out",
-                         key="process.volume_constancy", got="each_step", allowed="true or false")
 
 
 def _limits_without_yield(scene, tool_of):

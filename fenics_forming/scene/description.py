@@ -311,7 +311,8 @@ class Scene(Described):
     def restores_volume(self):
         """Whether lost volume is given back in every step: where that is asked for, or the mesh is renewed anyway."""
         constancy = self.process.volume_constancy
-        return constancy == "each_step" or bool(constancy) and self.workpiece.remesh is not None
+        renewed = any(body.remesh is not None for body in self.workpieces.values())
+        return constancy == "each_step" or bool(constancy) and renewed
 
     @property
     def workpiece(self):

@@ -61,8 +61,8 @@ class Simulation:
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]
         self.start_extents = np.array(body.nodes.extents()).tolist() if self._saved is None else \
             self._saved.scalars["start_extents"]
-        self.volume_ledger = VolumeLedgers(self.start_volume) if scene.is_assembled else \
-            VolumeLedger(self.start_volume, restored=scene.restores_volume)
+        self.volume_ledger = (VolumeLedgers if scene.is_assembled else VolumeLedger)(
+            self.start_volume, restored=scene.restores_volume)
         self.power_ledger = PowerLedger()
         self.heat_ledger = self._heat_ledger(body)
         self.folds = FoldRecord()
@@ -150,19 +150,24 @@ class Simulation:
         missing = [name for name in at_start if name not in saved]
         if missing:
             raise SceneError("the checkpoint does not follow it; resume without it", key=f"{group}.{missing[0]}")
-        cells = None
-        if self.body.parts is not None:
-            cells = {name: self.body.parts.cells_of(getattr(self.scene, group)[name].body) for name in at_start}
-        points = MaterialPoints(self.nodes, {name: saved[name] for name in at_start}, cells=cells)
+        points = MaterialPoints(self.nodes, {name: saved[name] for name in at_start}, cells=self._hosts(group, at_start))
         self.warnings += [f"{group}.{name}: lies up to {distance.max():.2g} mm outside the body and starts at its surface"
                           for name, distance in points.distance.items() if distance.max() > OUTSIDE * self.body.size]
         return points
 
+    def _hosts(self, group: str, names) -> dict[str, np.ndarray] | None:
+        """Of several bodies, the cells that the material points of a table may lie in, by their names."""
+        parts, table = self.body.parts, getattr(self.scene, group)
+        return None if parts is None else {name: parts.cells_of(table[name].body) for name in names}
+
     def _mesh_keeper(self):
         """What renews the mesh, where the scene asks for it."""
-        if self.scene.workpiece.remesh is None:
+        if all(body.remesh is None for body in self.scene.workpieces.values()):
             return None
-        from ..process.mesh_keeper import MeshKeeper
+        if self.scene.is_assembled:
+            from ..process.assembly_keeper import AssemblyKeeper as MeshKeeper
+        else:
+            from ..process.mesh_keeper import MeshKeeper
 
         keeper = MeshKeeper(self.scene, mirrors=self.mirrors, mesh_size=self.mesh_size, volume=self.start_volume)
         if self._saved is not None:
@@ -171,8 +176,8 @@ class Simulation:
 
     def _relocate(self) -> None:
         """Tracked points and flow lines go on in a new mesh."""
-        self.points = self.points and self.points.relocated(self.nodes)
-        self.lines = self.lines and self.lines.relocated(self.nodes)
+        self.points = self.points and self.points.relocated(self.nodes, self._hosts("points", self.points.distance))
+        self.lines = self.lines and self.lines.relocated(self.nodes, self._hosts("flow_lines", self.lines.distance))
 
     # ------------------------------------------------------------------ running
     def run(self, out: Path | str | None = None, *, observer=None) -> Results:

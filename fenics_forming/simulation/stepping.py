@@ -183,7 +183,11 @@ class Stepper:
     def _account_for_volume(self) -> dict[str, float]:
         """Changes of volume, by cause, at the end of a step, where the volume is restored if that is asked for."""
         if self.scene.is_assembled:
-            return {name: {"corners": change} for name, change in self.body.returned_volumes().items()}
+            changes = {name: {"corners": change} for name, change in self.body.returned_volumes().items()}
+            if self._volume_ledger.restored:
+                for name, done in self.body.restore_volumes(self._volume_ledger.start).items():
+                    changes[name]["given back"] = done.given_back
+            return changes
         changes = {"corners": self.body.returned_volume()}
         if self._volume_ledger.restored:
             changes["given back"] = self.body.restore_volume(self._volume_ledger.start).given_back

@@ -143,7 +143,6 @@ def lowered(by, **more):
 
 
 @pytest.mark.parametrize("change, key, words", [
-    ({"remesh": True}, "workpieces.high.remesh", "a single workpiece only"),
     ({"symmetry": ["y"]}, "workpieces.high.symmetry", "a scene has one plane")])
 def test_what_several_workpieces_cannot_have(change, key, words):
     found = blocks()
@@ -163,11 +162,6 @@ def test_round_body_and_square_one_may_share_their_mirror_planes():
     contact = scene.Contact(between=("pin", "cap"))
     found = blocks().replaced(geometry="3d", workpieces=bodies, tools=tools, contacts=[contact])
     assert scene.check(found) == []
-
-
-def test_volume_is_not_given_back_to_several_bodies():
-    with pytest.raises(SceneError, match="a single workpiece only"):
-        scene.check(blocks().replaced(process=scene.Process(volume_constancy="each_step")))
 
 
 def test_bodies_that_touch_without_a_contact_are_warned_of():

@@ -279,10 +279,18 @@ class BodyContact:
     def forces(self) -> PETSc.Vec:
         """Nodal forces of the contact on both bodies, G^T w t. Collective."""
         start = process_time()
-        load, out = self.G.createVecLeft(), self.G.createVecRight()
-        load.array[:] = (self.weights[:, None] * self.traction).ravel()
-        self.G.multTranspose(load, out)
+        out = self._on_nodes(self.traction)
         self.seconds += process_time() - start
+        return out
+
+    def normal_forces(self) -> PETSc.Vec:
+        """Those of the pressures alone, which a resumed run knows too. Collective."""
+        return self._on_nodes(self.state.pressure[:, None] * self.state.normal)
+
+    def _on_nodes(self, traction: np.ndarray) -> PETSc.Vec:
+        load, out = self.G.createVecLeft(), self.G.createVecRight()
+        load.array[:] = (self.weights[:, None] * traction).ravel()
+        self.G.multTranspose(load, out)
         return out
 
     def weighted_tangent(self) -> np.ndarray:

@@ -193,6 +193,23 @@ class Interfaces:
         """Pressure between bodies at the nodes (nodes,), MPa, on the surfaces that hold the points. Collective."""
         return nodal_pressure(self._nodes, self.contacts)
 
+    def nodal_pressures(self) -> dict[str, np.ndarray]:
+        """The same of each pair. Collective."""
+        return {name: nodal_pressure(self._nodes, [contact]) for name, contact in self.by_name.items()}
+
+    def pressed_by_pair(self) -> dict[str, np.ndarray]:
+        """Pair → nodes (nodes,) of either body that feel the other one. Collective."""
+        found = {}
+        for name, contact in self.by_name.items():
+            felt = np.zeros(self._mine.shape)
+            felt[self._mine] = np.abs(contact.normal_forces().array_r[self._places])
+            found[name] = self._nodes.sum_at_all(felt.sum(axis=1)) > 0
+        return found
+
+    def pressed_nodes(self) -> np.ndarray:
+        """The nodes (nodes,) that feel another body. Collective."""
+        return np.any([*self.pressed_by_pair().values()], axis=0)
+
     # ------------------------------------------------------------------ memory
     def memory(self) -> dict[str, np.ndarray]:
         """What the next solve starts from, pair by pair, (corners of the slave's sides, 3 + dim): pressure, grip, friction
@@ -217,11 +234,21 @@ class Interfaces:
             state.active = state.pressure > 0
             state.slip = law.slip_velocity(state, contact.relative(unknowns))
 
+    def resume_from_nodes(self, pressures: dict[str, np.ndarray], velocity: np.ndarray) -> None:
+        """Start from nodal pressures (nodes,) of every pair, on other meshes than they were found on, with nodal velocities
+        (nodes, dim), on the pairs of the last search."""
+        unknowns = self._unknowns_of(velocity)
+        for name, contact in self.by_name.items():
+            state = contact.state
+            at_carriers = contact.carriers.from_corners(pressures[name][contact.points.corners])
+            state.pressure = np.where(contact.weights > 0, np.maximum(at_carriers, 0.0), 0.0)
+            state.active = state.pressure > 0
+            state.grip = state.active.astype(float)
+            state.slip = law.slip_velocity(state, contact.relative(unknowns))
+
 
 def side_length(nodes: Nodes, sides: np.ndarray) -> float:
     """Mean length of the sides of a surface, mm, over all ranks. Collective."""
     ends = nodes.x[sides[:, :2]]
     sums = total(nodes.comm, np.array([np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum(), len(sides)]))
     return float(sums[0] / max(sums[1], 1.0))
-
-

@@ -74,7 +74,7 @@ def scaled_jacobian(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
     dim = x.shape[1]
     p = x[cells]
     gradients = _gradients(dim)
-    jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), dim, -1, dim)
+    jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), *gradients.shape[:2], dim)
     jacobian = np.moveaxis(jacobian, 2, 1)      # cells, points, derivative, component
     if dim == 2:
         det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
