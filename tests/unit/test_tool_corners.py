@@ -125,7 +125,7 @@ def running(exit_at):
     """As much of a body in a run as the corners ask for, with a history that is linear in the place."""
     nodes = Nodes(meshing.polygon([(-4, 0), (2, 0), (2, exit_at[1]), exit_at, (0, 1.5), (0, 2), (-4, 2)], 0.6))
     surface = FreeSurface.of_mesh(nodes, PLANE_STRAIN, {1: 0.0})
-    body = SimpleNamespace(nodes=nodes, x=nodes.x, tools=[die()], free_surface=surface, size=6.0,
+    body = SimpleNamespace(nodes=nodes, x=nodes.x, tools=[die()], skins=lambda: [(surface, nodes.cells)], size=6.0,
                            boundary=np.flatnonzero(surface.nodes))
     return body, {"strain": nodes.with_mids(3 + nodes.x @ [1.0, 2.0])}
 
