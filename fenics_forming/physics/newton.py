@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from ..errors import ConvergenceError
 from .linear_choice import linear_system
 from .parallel import highest, total
+from .point_data import sensible
 from .workpiece import Workpiece
 
 
@@ -156,8 +157,8 @@ class FlowSolver:
     def _start(self, task: _Task, ratio: float, cold: bool) -> np.ndarray:
         """Point data and contact for the first iteration; the regularised rate at the points, 1/s."""
         body, contact = self.workpiece, self.workpiece.contact
-        self._sigma_nodes = self._nodal_flow_stress(task, None if body.is_cold or not body.law.depends_on_rate
-                                                    else body.nodal_rate())
+        nodal = self._sigma_nodes = self._nodal_flow_stress(task, None if body.is_cold or not body.law.depends_on_rate
+                                                            else body.nodal_rate())
         if cold:
             body.forget_flow()
             body.rate0.value = task.characteristic_rate
@@ -168,7 +169,10 @@ class FlowSolver:
         body.set_flow_stress(task.strain, rate, task.temperature)
         body.stress_from_rate(rate)
         body.cut_stress(rate)
-        sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size]))
+        bad = np.isnan(body.sigma).sum() + (0 if nodal is None else np.isnan(nodal).sum())
+        sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size, bad]))
+        if sums[2]:
+            raise ConvergenceError(f"the flow stress is not a positive, finite number at {sums[2]:.0f} points")
         flow_stress = float(sums[0] / sums[1])
         if self._volume is None:
             self._volume = body.volume()
@@ -231,7 +235,7 @@ class FlowSolver:
             return None
         usual = task.characteristic_rate
         rate = np.full(body.nodes.count, usual) if rate is None else np.maximum(rate, self.settings.regularisation * usual)
-        return np.broadcast_to(body.nodal_law(task.nodal_strain, rate, task.nodal_temperature), rate.shape)
+        return sensible(np.broadcast_to(body.nodal_law(task.nodal_strain, rate, task.nodal_temperature), rate.shape))
 
     def _set_penalty(self, flow_stress: float, rate: float):
         body, contact = self.workpiece, self.workpiece.contact

@@ -9,6 +9,13 @@ import numpy as np
 from .rate_continuity import RateContinuity
 
 
+def sensible(stress: np.ndarray) -> np.ndarray:
+    """A flow stress with NaN for what is none. The solve then fails on every rank, whichever of them has the point."""
+    if stress.size == 0 or (stress.min() > 0.0 and stress.max() < np.inf):
+        return stress
+    return np.where((stress > 0.0) & (stress < np.inf), stress, np.nan)
+
+
 class PointData:
     """The point data of a `Workpiece`; mixed into it."""
 
@@ -24,7 +31,7 @@ class PointData:
     def set_flow_stress(self, strain, rate, temperature) -> None:
         """Flow stress and its rate sensitivity at the integration points."""
         if self.law.depends_on_rate or strain is not self._hardened_at:
-            self._hardened = np.broadcast_to(self.law(strain, rate, temperature), rate.shape)
+            self._hardened = sensible(np.broadcast_to(self.law(strain, rate, temperature), rate.shape))
             self._hardened_at = strain
         sigma = self._hardened
         c = np.ones_like(rate)
