@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from ..physics.thermal import columns
 from ..physics.thermal.bed import Bed
 from ..physics.thermal.network import Network, Radiation, Surroundings
 from ..physics.thermal.pairing import conductances
-from .tool_heat import ToolHeat, Touch
+from .tool_heat import ToolHeat, Touch, Waiting
 
 
 class Joint:
@@ -22,7 +25,7 @@ class Joint:
     def __init__(self, network, start, given, outside, radiation):
         self._parts, self._starts, self._given = [network], [start], [given]
         self._outside, self._radiation = outside, radiation
-        self._meshes: dict[str, int] = {}                               # tool → its first vertex
+        self._meshes: dict[str, tuple] = {}                             # tool → its first vertex, what waits in it
         self._beds: dict[str, tuple[int, Bed]] = {}                     # tool → its first column, its columns
         self._couplings: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._meetings: dict[str, tuple[np.ndarray, np.ndarray, float]] = {}
@@ -31,12 +34,28 @@ class Joint:
         """Pairs of vertices of two workpieces that touch; ``outwards`` the sign of heat from the first of a pair."""
         self._meetings[name] = pairs, strength, outwards
 
-    def add(self, name: str, tool: ToolHeat, temperature: np.ndarray, touch: Touch | None, rubbed, conducting: float):
+    def add(self, name: str, exchange, tool: ToolHeat, temperature: np.ndarray, waiting: Waiting, touch: Touch | None,
+            rubbed, dt: float):
         """A tool, its vertices behind those that are there; ``rubbed`` (v,) mJ, friction heat that it gets where vertices
-        of the workpiece touch it. Inside it conducts ``conducting`` times as long as the step lasts."""
-        capacity, pairs, conductance = tool.network
+        of the workpiece touch it; ``exchange`` a ``heat_surface.ToolExchange``.
+
+        Its own step over, heat is conducted inside it for all the time of that. Until then a vertex that is touched answers
+        what it has been given as the column below it does, the temperatures being those of the last conduction.
+        """
+        own, pairs, conductance = tool.network
         between = None if touch is None else tool.pairs(touch)
-        self._meshes[name] = self._append(name, (capacity, pairs, conducting * conductance), temperature, between, rubbed)
+        time, is_due = waiting.time + dt, waiting.steps + 1 >= tool.law.every
+        capacity = own
+        if is_due:
+            conductance = time / dt * conductance
+        else:
+            pairs, conductance = pairs[:0], conductance[:0]
+            if between is not None:
+                area = np.bincount(between[0][:, 1], between[1], tool.count) / exchange.law.coefficient
+                capacity = np.maximum(own, area * exchange.effusivity * time / columns.resistance(time))
+        start = temperature + waiting.held / capacity
+        first = self._append(name, (capacity, pairs, conductance), start, between, rubbed)
+        self._meshes[name] = first, None if is_due else (temperature, capacity, Waiting(waiting.steps + 1, time, own))
 
     def add_columns(self, name: str, exchange, bed: Bed, touch: Touch | None, rubbed, dt: float):
         """The columns of a tool, in a step of ``dt``, s; ``exchange`` a ``heat_surface.ToolExchange``, the rest as
@@ -65,8 +84,8 @@ class Joint:
         return first
 
     def step(self, dt: float):
-        """Temperatures and losses of the workpiece, temperatures and columns of the tools, heat that went through contacts
-        of workpieces, imbalance and cut pairs."""
+        """Temperatures and losses of the workpiece, temperatures of the tools and what waits in them, their columns, heat
+        that went through contacts of workpieces, imbalance and cut pairs."""
         capacities, pairs, conductances_ = zip(*self._parts, strict=True)
         coupled = [*self._couplings.values(), *(meeting[:2] for meeting in self._meetings.values())]
         start, n = np.concatenate(self._starts), len(self._starts[0])
@@ -85,9 +104,14 @@ class Joint:
             lost[name] = np.bincount(between[:, 0], flow(between, strength), n)
         through = {name: outwards * float(flow(between, strength).sum())
                    for name, (between, strength, outwards) in self._meetings.items()}
-        own = {first: first + len(part) for part, first in
+        ends = {first: first + len(part) for part, first in
                zip(self._starts, np.cumsum([0, *map(len, self._starts[:-1])]), strict=True) if len(part)}
-        tools = {name: after[first: own[first]] for name, first in self._meshes.items()}
+        tools, waiting = {}, {}
+        for name, (first, waits) in self._meshes.items():
+            tools[name], waiting[name] = after[first: ends[first]], Waiting.none(ends[first] - first)
+            if waits is not None:
+                base, stores, step = waits
+                tools[name], waiting[name] = base, replace(step, held=stores * (tools[name] - base))
         taken = capacity * (after - start)
         beds = {name: bed.advanced(taken[first: first + len(bed.area)], dt) for name, (first, bed) in self._beds.items()}
-        return after[:n], lost, tools, beds, through, (found.imbalance, found.cut_pairs)
+        return after[:n], lost, tools, waiting, beds, through, (found.imbalance, found.cut_pairs)

@@ -12,7 +12,7 @@ from ..physics.thermal.network import Radiation, Surroundings
 from ..physics.thermal.pairing import dense_points, normals_of
 from .heat_joint import Joint
 from .heat_meeting import Opposite, joined
-from .tool_heat import Touch, due
+from .tool_heat import Touch, Waiting
 
 CLOSED = 1e-2            # of the size of its facet: how near to a tool a point of the surface touches it
 FACING = 0.7             # cosine between the normals of both; a side that meets a tool with its edge does not lie on it
@@ -47,7 +47,7 @@ class HeatStep:
     lost: dict[str, np.ndarray]
     columns: dict[str, Bed]
     tools: dict[str, np.ndarray]
-    waited: dict[str, tuple[int, float]]
+    waited: dict[str, Waiting]
     through: dict[str, float]
     imbalance: float
     cut_pairs: int
@@ -136,22 +136,20 @@ class Surface:
         outside = {name: (gathered(s.conductance), nodal(s.ambient)) for name, s in outside.items()}
         radiation = {name: (gathered(r.area), nodal(r.ambient)) for name, r in radiation.items()}
         touches = {name: (touch.gathered(comm), nodal(rubbed.get(name, 0.0))) for name, touch in self._touch.items()}
-        waited = {name: due(tool, state.waited[name], dt) for name, tool in self.heat.tool_heats.items()}
         answer = None
         if comm.rank == 0:
             joint = Joint(*parts, outside, radiation)
             for name, tool in self.heat.tool_heats.items():
-                joint.add(name, tool, state.tools[name], *touches.get(name, (None, None)), waited[name][1] / dt)
+                joint.add(name, self.heat.exchanges[name], tool, state.tools[name], state.waited[name],
+                          *touches.get(name, (None, None)), dt)
             for name, bed in state.columns.items():
                 joint.add_columns(name, self.heat.exchanges[name], bed, *touches.get(name, (None, None)), dt)
             for name, (points, meeting) in self._meetings.items():
                 joint.add_meeting(name, *points.pairs(meeting.coefficient), meeting.outwards)
             answer = joint.step(dt)
-        after, lost, tools, beds, through, balance = comm.bcast(answer, 0)
+        after, lost, tools, waited, beds, through, balance = comm.bcast(answer, 0)
         scattered = self.field.scattered
-        left = {name: (steps, state.waited[name][1] + dt) if time == 0 else (0, 0.0)
-                for name, (steps, time) in waited.items()}
-        return HeatStep(scattered(after), {name: scattered(values) for name, values in lost.items()}, beds, tools, left,
+        return HeatStep(scattered(after), {name: scattered(values) for name, values in lost.items()}, beds, tools, waited,
                         through, *balance)
 
 

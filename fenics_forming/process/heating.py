@@ -17,7 +17,7 @@ from ..physics.thermal.field import HeatField
 from ..physics.thermal.sources import PlasticHeat, friction_heat
 from .heat_meeting import Meeting, friction_heat_between
 from .heat_surface import INSULATING, Surface, ToolExchange
-from .tool_heat import ToolHeat
+from .tool_heat import ToolHeat, Waiting
 
 PLASTIC, FRICTION = "plastic", "friction"
 RATE = "heat.rate."      # name in which rates are saved
@@ -28,7 +28,7 @@ class HeatState:
     """What the next step of heat needs to know, and what the last one moved.
 
     columns : tool → the columns below its surface · tools : tool → temperatures of its vertices, degC
-    waited : tool → steps and time, s, since heat was last conducted inside it
+    waited : tool → where it is in its own step
     drift : (nodes,) K/s, of the last step: change of temperature by conduction and exchange, without what was made
     hottest : tool with a temperature of its own → that of its hottest place, degC
     made, lost : heat of the last step by source, and by where it went, mJ · imbalance : of it, relative
@@ -38,7 +38,7 @@ class HeatState:
 
     columns: dict[str, Bed] = field(default_factory=dict)
     tools: dict[str, np.ndarray] = field(default_factory=dict)
-    waited: dict[str, tuple[int, float]] = field(default_factory=dict)
+    waited: dict[str, Waiting] = field(default_factory=dict)
     hottest: dict[str, float] = field(default_factory=dict)
     drift: np.ndarray | None = None
     made: dict[str, float] = field(default_factory=dict)
@@ -116,7 +116,7 @@ class BodyHeat:
         count = self.field.nodes.count
         return HeatState(columns={name: Bed.untouched(self.field.nodes.dim) for name in below}, drift=np.zeros(count),
                          tools={name: tool.first() for name, tool in self.tool_heats.items()},
-                         waited=dict.fromkeys(self.tool_heats, (0, 0.0)),
+                         waited={name: Waiting.none(tool.count) for name, tool in self.tool_heats.items()},
                          hottest={name: self.exchanges[name].law.temperature for name in [*below, *self.tool_heats]},
                          made=dict.fromkeys(self._names(), 0.0),
                          lost=dict.fromkeys([*self.exchanges, *self.air_parts()], 0.0),
@@ -139,7 +139,8 @@ class BodyHeat:
 
     def tool_memory(self, state: HeatState) -> dict:
         """What of the state belongs to tools, as JSON can hold it."""
-        fields = {name: {"temperature": state.tools[name], "waited": state.waited[name]} for name in self.tool_heats}
+        fields = {name: {"temperature": state.tools[name], "waited": state.waited[name].memory()}
+                  for name in self.tool_heats}
         return fields | {name: bed.memory() for name, bed in state.columns.items()}
 
     def resumed(self, nodal: dict[str, np.ndarray], tools: dict) -> tuple[HeatState, dict[str, np.ndarray]]:
@@ -148,7 +149,8 @@ class BodyHeat:
         rates = {name.removeprefix(RATE): values for name, values in nodal.items() if name.startswith(RATE)}
         first = self.first()
         start = replace(first, tools={name: np.array(tools[name]["temperature"]) for name in first.tools},
-                        waited={name: tuple(tools[name]["waited"]) for name in first.tools},
+                        waited={name: Waiting(steps, time, np.array(held)) for name in first.tools
+                                for steps, time, held in [tools[name]["waited"]]},
                         columns={name: Bed.remembered(tools[name], self.field.nodes.dim) for name in first.columns})
         return self.unpacked(nodal, start)[1], rates
 

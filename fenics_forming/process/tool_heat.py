@@ -79,11 +79,23 @@ class ToolHeat:
         return self.field.scattered(temperature if self.nodes.comm.rank == 0 else None)
 
 
-def due(tool: ToolHeat, waited: tuple[int, float], dt: float) -> tuple[int, float]:
-    """Steps since heat was conducted inside a tool, this one included, and for how long it is conducted in this one, s: not
-    at all until its own step is over."""
-    steps, time = waited[0] + 1, waited[1] + dt
-    return steps, time if steps >= tool.law.every else 0.0
+@dataclass(frozen=True)
+class Waiting:
+    """Where a tool is in its own step: steps and time, s, since heat was last conducted inside it, and the heat that its
+    vertices have been given since, (v,) mJ."""
+
+    steps: int
+    time: float
+    held: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> Waiting:
+        """Heat has just been conducted."""
+        return cls(0, 0.0, np.zeros(count))
+
+    def memory(self) -> list:
+        """As JSON can hold it."""
+        return [self.steps, self.time, self.held.tolist()]
 
 
 def tool_heat(scene: Scene, known, comm) -> ToolHeat:
