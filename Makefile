@@ -1,7 +1,7 @@
 # Every target sets up what it needs on first use; see env/run.
 RUN = env/run
 
-.PHONY: demo test test-long bench verification lint shell format
+.PHONY: demo test test-long bench peers verification lint shell format
 
 demo:        ## upset the billet and draw it
 	$(RUN) python3 demos/billet_upsetting.py
@@ -14,6 +14,9 @@ test-long:   ## the long cases too
 
 bench:       ## run time against error
 	$(RUN) python3 benchmarks/run_all.py
+
+peers:       ## the same jobs by CalculiX, where it is installed; needs ccx and python3 on the host
+	python3 benchmarks/peers/run_all.py
 
 verification: ## compare with docs/REFERENCES.md, write docs/VERIFICATION.md
 	$(RUN) python3 benchmarks/verification.py

@@ -14,13 +14,30 @@ import contact
 import elastic_dies
 import heat
 import remeshing
+import work_precision
+from precision.measuring import FRONT
 
 TEXT = """# Benchmarks
 
 Written by `make bench`; the numbers come from one run, one process, one thread. Seconds depend on the machine and on
 what else it does: compare rows with one another, not with another machine.
 
-## Run time against error
+The page has, in this order: what accuracy costs in ten cases (`precision/`: a table and a picture each), the billet in more
+detail, and the parts that a scene may have: new meshes, heat, contact between bodies, dies that deform, surfaces of tools.
+[PEERS.md](PEERS.md) compares with CalculiX in the same way (`make peers`, on the host, where it is installed);
+`solver3d.py` and `shifting.py` are run by themselves.
+
+## What accuracy costs
+
+Every row of a table is a run; its error is that against an exact solution, a converged value, or (strip, rod, block) a
+finer run made here. *Default*: what the package does if the user says no more than the sizes of elements and steps named.
+*Default over fastest*: its CPU time over that of the fastest run in the diagram that is no less exact; up to {front:g}
+counts as on the front. Runs of less than half a second are made twice and the faster counts. Elements are the same
+throughout, quadratic velocities with linear pressures, curved: no other pair is in the package.
+
+{precision}
+
+## The billet in detail
 
 *Force, to the finest*: the largest deviation of the die force at 10, 20 … 60 % from the last row, a finer run by the
 midpoint scheme. *To the reference*: from the rigid-plastic values in `demos/billet_upsetting.py`. *Ratio*: CPU time in
@@ -80,13 +97,14 @@ distances are from those to the round body that the pieces stand for.
 
 def main() -> None:
     """Measure, and write the page."""
-    measured = billet.main()
+    precision, measured = work_precision.main(), billet.main()
     with redirect_stdout(io.StringIO()) as table:
         closest_point.main()
     with redirect_stdout(io.StringIO()) as dies:
         elastic_dies.main()
-    page = TEXT.format(billet=measured, remeshing=remeshing.main(), contact=contact.main(), heat=heat.main(),
-                       elastic_dies=dies.getvalue().strip(), closest_point=table.getvalue().strip())
+    page = TEXT.format(precision=precision, front=FRONT, billet=measured, remeshing=remeshing.main(),
+                       contact=contact.main(), heat=heat.main(), elastic_dies=dies.getvalue().strip(),
+                       closest_point=table.getvalue().strip())
     (billet.HERE / "README.md").write_text(page, encoding="utf-8")
     print(page)
 
