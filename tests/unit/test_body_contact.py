@@ -174,6 +174,32 @@ def test_diagonal_blocks_are_those_of_the_tangent(dim):
     np.testing.assert_allclose(blocks, found, atol=1e-12 * np.abs(blocks).max())
 
 
+@pytest.mark.parametrize("bent", [0.0, 0.02])
+def test_products_on_one_rank_are_those_of_the_tangent(bent):
+    """Flat surfaces, where one number stands for a block, and bent ones; with unknowns that are given."""
+    from fenics_forming.physics.iterative.carried import CarriedProducts
+
+    stack = Stack(3, 3, 2)
+    nodes, contact = stack.nodes, stack.contact
+    contact._free = (np.abs(nodes.x) > 1e-9).astype(float)
+    x = nodes.x + bent * (nodes.x[:, :1] - 0.3 * SIDE) ** 2 / SIDE * [0, 0, 1]
+    contact.search(x, 1.0)
+    contact.respond(vector_of(stack, lambda x: 1e-3 * np.sin(x[:, ::-1] / SIDE)), touching=1e-6)
+    contact._tangent += 0.1 * np.random.default_rng(1).normal(size=contact._tangent.shape) * np.abs(contact._tangent).max()
+    node_of, axis_of = np.divmod(np.arange(stack.owned), 3)
+    products = CarriedProducts(contact.G, node_of, axis_of)
+    assert (products._flat is not None) == (bent == 0.0)
+    u = np.random.default_rng(0).normal(size=(stack.owned // 3, 3))
+    vector, out = vector_of(stack, lambda x: 0.0 * x).copy(), np.zeros_like(u)
+    vector.array[:] = u.ravel()
+    expected = contact.tangent() * vector
+    products.add_product(contact.weighted_tangent(), u, out)
+    assert out.ravel() == pytest.approx(expected.array, abs=1e-11 * np.abs(expected.array).max())
+    blocks, (first, found) = np.zeros((len(u), 9)), contact.diagonal()
+    products.add_diagonal(contact.weighted_tangent(), blocks)
+    assert blocks[first // 3] == pytest.approx(found.reshape(-1, 9), abs=1e-11 * np.abs(found).max())
+
+
 @pytest.mark.mpi
 def test_two_ranks_find_the_same_force_and_shortening():
     code = ("from tests.unit.test_body_contact import Stack; import numpy as np; from mpi4py import MPI; "

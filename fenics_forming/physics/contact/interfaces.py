@@ -99,8 +99,13 @@ class Interfaces:
 
     @property
     def seconds(self) -> float:
-        """CPU time of contact between bodies: search, operator, law, forces, tangents, and what they add to the matrix."""
+        """CPU time of contact between bodies: search, operator, law, forces, tangents, and what they add to the matrix, or
+        to the products of a solver that has none."""
         return self._merging + sum(contact.seconds for contact in self.contacts)
+
+    def book(self, seconds: float) -> None:
+        """Count CPU time that a solver has spent on contact between bodies."""
+        self._merging += seconds
 
     # ------------------------------------------------------------------ response, as of contact with tools
     @property

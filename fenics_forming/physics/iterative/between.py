@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from time import process_time
+
 import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
 from ..contact.interfaces import Interfaces
 from ..workpiece import Workpiece
+from .carried import CarriedProducts
 from .everywhere import Everywhere
 from .sharing import Shared
+
+
+@dataclass
+class _Made:
+    """An operator, the same on the vertices, and its products on one rank."""
+
+    operator: PETSc.Mat
+    vertices: sparse.csr_matrix
+    products: CarriedProducts | None
 
 
 class BetweenBodies:
@@ -25,13 +38,15 @@ class BetweenBodies:
         self._own = workpiece.velocity_dofs[: nodes.owned]
         self._x = PETSc.Vec().createMPI((workpiece.owned, None), comm=nodes.comm)
         self._y = self._x.duplicate()
-        self._node_of = np.full(workpiece.owned, -1)
+        self._node_of, self._axis_of = np.full(workpiece.owned, -1), np.zeros(workpiece.owned, np.int32)
         for axis in range(3):
-            self._node_of[self._own[:, axis]] = np.arange(nodes.owned)
+            self._node_of[self._own[:, axis]], self._axis_of[self._own[:, axis]] = np.arange(nodes.owned), axis
         local = np.concatenate([contact.unknowns[:, 0] for contact in interfaces.contacts]) - self._first()
         near = self._node_of[local[(local >= 0) & (local < workpiece.owned)]]
         self._near = np.unique(near)        # nodes of the surfaces that contacts may move, of this rank
         self._weighted: list[np.ndarray] = []
+        self._carried: dict[int, _Made] = {}        # by contact
+        self._alone = nodes.comm.size == 1
         self._linear = self._prolongation(workpiece, everywhere)
 
     def _prolongation(self, workpiece: Workpiece, everywhere: Everywhere) -> PETSc.Mat:
@@ -57,6 +72,15 @@ class BetweenBodies:
 
     def add_product(self, x: np.ndarray, y: np.ndarray) -> None:
         """Add the product with velocities x (nodes, 3) to the owners' rows of y. Collective."""
+        start = process_time()
+        if self._alone:
+            for contact, weighted in zip(self._interfaces.contacts, self._weighted, strict=True):
+                self._made_of(contact).products.add_product(weighted, x, y)
+        else:
+            self._add_product_of_all(x, y)
+        self._interfaces.book(process_time() - start)
+
+    def _add_product_of_all(self, x: np.ndarray, y: np.ndarray) -> None:
         near, dofs = self._near, self._own[self._near]
         self._x.array[dofs] = x[near]
         for contact, weighted in zip(self._interfaces.contacts, self._weighted, strict=True):
@@ -68,12 +92,29 @@ class BetweenBodies:
 
     def add_diagonal(self, blocks: np.ndarray) -> None:
         """Add the blocks of the diagonal to the owners' of ``blocks`` (nodes, 9). Collective."""
+        start, counted = process_time(), self._interfaces.seconds
         self._weighted = [contact.weighted_tangent() for contact in self._interfaces.contacts]
-        for contact in self._interfaces.contacts:
+        for contact, weighted in zip(self._interfaces.contacts, self._weighted, strict=True):
+            if self._alone:
+                self._made_of(contact).products.add_diagonal(weighted, blocks)
+                continue
             dofs, found = contact.diagonal()
             local = dofs - self._first()
             mine = np.flatnonzero((local >= 0) & (local < len(self._node_of)))
             blocks[self._node_of[local[mine]]] += found[mine].reshape(-1, 9)
+        self._interfaces.book(process_time() - start - self._interfaces.seconds + counted)
+
+    def _made_of(self, contact) -> _Made:
+        """What is made of the operator of a contact, once for each. Collective."""
+        known = self._carried.get(id(contact))
+        if known is None or known.operator is not contact.G:
+            on_vertices = contact.G.matMult(self._linear)
+            starts, columns, values = on_vertices.getValuesCSR()
+            vertices = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1]))
+            on_vertices.destroy()
+            products = CarriedProducts(contact.G, self._node_of, self._axis_of) if self._alone else None
+            known = self._carried[id(contact)] = _Made(contact.G, vertices, products)
+        return known
 
     def _first(self) -> int:
         return self._x.getOwnershipRange()[0]
@@ -81,15 +122,13 @@ class BetweenBodies:
     def vertex_blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same on the vertices: numbers of rows and columns in the common order (m,), and blocks (m, 9); all that this
         rank's carriers give. Collective."""
-        parts = []
+        start, parts = process_time(), []
         for contact in self._interfaces.contacts:
-            on_vertices = contact.G.matMult(self._linear)
-            starts, columns, values = on_vertices.getValuesCSR()
-            G = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1]))
-            on_vertices.destroy()
+            G = self._made_of(contact).vertices
             weighted = contact.weighted_tangent()
             T = sparse.bsr_matrix((weighted, np.arange(len(weighted)), np.arange(len(weighted) + 1)), 2 * (G.shape[0],))
             K = (G.T @ (T.tocsr() @ G)).tobsr((3, 3))
             parts.append((np.repeat(np.arange(len(K.indptr) - 1), np.diff(K.indptr)), K.indices, K.data.reshape(-1, 9)))
+        self._interfaces.book(process_time() - start)
         rows, columns, blocks = (np.concatenate(part) for part in zip(*parts, strict=True))
         return rows.astype(np.int64), columns.astype(np.int64), blocks
