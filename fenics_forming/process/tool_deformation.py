@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ConvergenceError
+from ..laws import SpringDrive
 from ..physics.contact.free_motions import RigidMotions
 from ..scene import Scene, copies
 from .stability import LARGEST, Stability, rate_sensitivity
@@ -45,8 +46,9 @@ class Deformation:
         self.stability: Stability | None = None
         self._news: list[str] = []
         known.deformation = self
+        self._press = known.free            # of a drive with a force limit, else None
         if self.mode != "stress_only":
-            known.free, known.deformed = motions, getattr(motions, "deformed", None)
+            known.free, known.deformed = _in_series(self._press, motions), getattr(motions, "deformed", None)
         motions.given = self.mode != "iterated" and not self.fallen_back
 
     @property
@@ -88,7 +90,7 @@ class Deformation:
         """A step has ended at ``time``, and the flow there is known: solve the tool where that is due; whether the
         workpiece now meets another surface. Collective."""
         contact, motions = body.contact, self.motions
-        if self.known.free is None:
+        if self.mode == "stress_only":
             motions.search(contact.points, self.known.motion, self.known.state.gap, self.known.state.normal)
         self.reaction = motions.spread(contact.along_motions(self.known, motions))
         before, self._force = self._force, float(np.linalg.norm(contact.force(self.known)))
@@ -208,26 +210,29 @@ class Deformation:
     def snapshot(self) -> tuple:
         """What a failed step must give back."""
         return (self.motions.memory(), self.fallen_back, self.solved_at, self._steps, self._force, self.deflection,
-                self.reaction, self._sensitivity, None if self.tool is None else self.tool.snapshot())
+                self.reaction, self._sensitivity, None if self._press is None else self._press.memory(),
+                None if self.tool is None else self.tool.snapshot())
 
     def restore(self, body, snapshot: tuple) -> None:
         """Take over what :meth:`snapshot` gave."""
         if self.tool is not None:
             self.tool.restore(snapshot[-1])
+        if self._press is not None:
+            self._press.remember(snapshot[-2])
         given = self.motions.given
         self.motions.remember(snapshot[0])
         self.fallen_back, self.solved_at, self._steps, self._force, self.deflection, self.reaction, self._sensitivity = \
-            snapshot[1:-1]
+            snapshot[1:-2]
         if given != self.motions.given:
             body.solver.renew_border()
 
     def memory(self) -> dict:
         """What a run that is resumed must know, as JSON can hold it."""
-        motions = {name: value.tolist() if isinstance(value, np.ndarray) else value
-                   for name, value in self.motions.memory().items()}
-        return {"motions": motions, "fallen_back": self.fallen_back, "solved_at": self.solved_at, "steps": self._steps,
+        return {"motions": _listed(self.motions.memory()), "fallen_back": self.fallen_back, "solved_at": self.solved_at,
+                "steps": self._steps,
                 "sensitivity": self._sensitivity, "force": self._force, "deflection": self.deflection,
-                "reaction": self.reaction.tolist()}
+                "reaction": self.reaction.tolist(),
+                "press": None if self._press is None else _listed(self._press.memory())}
 
     def remember(self, body, memory: dict, stiffness: np.ndarray | None = None) -> None:
         """Take over what :meth:`memory` gave, and the stiffness of the motions then, where it may have changed."""
@@ -236,8 +241,22 @@ class Deformation:
             self.motions.stiffness = stiffness
         self.fallen_back, self.solved_at, self._steps = memory["fallen_back"], memory["solved_at"], memory["steps"]
         self._sensitivity = memory["sensitivity"]
+        if self._press is not None:
+            self._press.remember(memory["press"])
         self._force, self.deflection, self.reaction = memory["force"], memory["deflection"], np.array(memory["reaction"])
         body.solver.renew_border()
+
+
+def _in_series(press, motions):
+    """The motions of a tool that deforms or yields, behind those of a press that its force limit may hold back."""
+    if press is None:
+        return motions
+    from ..physics.contact.motions_in_series import MotionsInSeries
+    return MotionsInSeries(press, motions)
+
+
+def _listed(memory: dict) -> dict:
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in memory.items()}
 
 
 def agree(body, once) -> int:
@@ -265,6 +284,7 @@ def yielding_tools(scene: Scene, tools, comm) -> list[Deformation]:
         drive = scene.tools[known.name].drive
         frame = None
         stiffness = None if drive is None else getattr(drive, "stiffness", None)        # also that of a spring support
+        known.free = None if isinstance(drive, SpringDrive) else known.free             # which is then the frame
         if stiffness is not None:
             frame = np.asarray(drive.direction, float), stiffness / copies(scene, drive.direction)
         if known.name in scene.deforming_tools:

@@ -20,10 +20,15 @@ def tool_mode_problems(scene):
                          got="iterative", allowed="direct, auto")
     for name in scene.yielding_tools:
         drive = scene.tools[name].drive
-        if drive is not None and (getattr(drive, "is_free", False) or drive.force_limit is not None):
-            yield SceneError("finds its motion in the solve; that is not available for tools that deform or yield",
+        if getattr(drive, "is_free", False):
+            yield SceneError("is turned by the body; that is not available for tools that deform",
                              key=f"tools.{name}.drive", got=drive.kind, allowed="a drive that knows its motion")
     given = scene.process.tool_deformation
+    for name in scene.yielding_tools if given in ("separate", "coupled") else ():
+        if (drive := scene.tools[name].drive) is not None and drive.force_limit is not None:
+            sentence = f"'{given}' solves the tool '{name}' after its press, whose force limit makes the motion part of " \
+                       "the solve"
+            yield SceneError(sentence, key="process.tool_deformation", got=given, allowed="'iterated' or 'stress_only'")
     if scene.process.says("tool_deformation") and given != "rigid" and not scene.yielding_tools:
         sentence = f"'{given}', but no tool deforms; give one a 'material' with 'young' and 'poisson', or its drive a " \
                    "'stiffness'"

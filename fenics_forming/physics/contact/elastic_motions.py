@@ -30,8 +30,9 @@ from .free_motions import SMOOTH, FreeMotions
 from .tool_surface import ToolSurface
 
 ALL = 700       # displacements up to which all that faces the workpiece are unknown from the first touch on
-MARGIN = 2      # sides around those that contact touches whose nodes are unknown too, so that it lands on nodes that follow
-RINGS = 4       # further ones that are taken along: new ones are rarely due
+# By dimension of the tool; in space a side more all around soon doubles the unknowns, and their block is dense.
+MARGIN = {2: 2, 3: 1}   # sides around those that contact touches whose nodes are unknown too: it lands on nodes that follow
+RINGS = {2: 4, 3: 1}    # further ones that are taken along: new ones are rarely due
 REACH = 0.5     # of the length of a side: gaps up to which a point counts as near
 
 
@@ -68,10 +69,10 @@ class ElasticMotions(FreeMotions):
         """Make nodes (n,) bool unknowns, and those around them. Collective."""
         nodes = highest(self._comm, nodes.astype(float)) > 0
         free, dim = self.surface.free.ravel(), self._dim
-        near = self.surface.around(nodes, MARGIN)
+        near = self.surface.around(nodes, MARGIN[dim])
         if np.isin(np.flatnonzero(np.repeat(near, dim) & free), self.unknown).all():
             return
-        near = self.surface.around(near, RINGS)
+        near = self.surface.around(near, RINGS[dim])
         if self.surface.facing.sum() * dim <= ALL:
             near |= self.surface.facing
         wanted = free & np.repeat(near, dim)

@@ -107,7 +107,8 @@ class KnownTool:
         """Velocities that measure how fast the tool is, (points, dim), mm/s: its own, and of one that yields a little that
         of its drive; of one that deforms that alone, as its points spring back at any speed."""
         if self.deformation is not None:
-            return [self.given_velocity]
+            slowed = getattr(self.free, "slowed", None)
+            return [self.given_velocity] if slowed is None else slowed(self.given_velocity)
         share = 1.0 if self.free is None else self.free.share_of_drive
         return [self.state.tool_velocity, share * self.given_velocity]
 
