@@ -32,6 +32,17 @@ def headings() -> dict[str, str]:
     return {number: title.strip() for number, title in found}
 
 
+def entries() -> list[str]:
+    """Numbers of the entries of REFERENCES.md that hold numbers: those with a heading, and sections without any."""
+    numbers, experiments = [*headings()], "13"          # what is known of published experiments: nothing to compare with
+    return [n for n in numbers if "." in n or (n != experiments and not any(m.startswith(f"{n}.") for m in numbers))]
+
+
+def left_out(text: str) -> list[str]:
+    """Entries that a page has no line for."""
+    return [entry for entry in entries() if f"\n| {entry} | " not in text]
+
+
 def page(lines: list[dict]) -> str:
     """The page, in Markdown."""
     titles, missing = headings(), json.loads(MISSING.read_text(encoding="utf-8"))

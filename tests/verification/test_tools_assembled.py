@@ -167,7 +167,7 @@ def stacked(gap=0.0, cells=(4, 6), material=STEEL):
 
 @pytest.mark.parametrize("law", [STEEL, YIELDING], ids=["elastic", "plastic"])
 @pytest.mark.parametrize("cells", [(4, 6), (5, 3)])
-def test_two_blocks_are_compressed_as_one(law, cells):
+def test_two_blocks_are_compressed_as_one(law, cells, verified):
     """REFERENCES.md 6.3: a uniform stress (beyond the yield stress in the second law) and the shortening of one column."""
     mesh, contact, top = stacked(cells=cells)
     body = ToolBody(Nodes(mesh), kinematics="plane_stress", material=law, held=symmetric(mesh, 0, 1))
@@ -178,6 +178,10 @@ def test_two_blocks_are_compressed_as_one(law, cells):
     # the finer side carries the points; on its own a rule of points does not see the corners of the other: < 1 %
     assert tool.stress[:, 1] == pytest.approx(np.full(len(tool.x), -pressure), rel=1e-2)
     at_top = np.isclose(tool.x[:, 1], 20)
+    what = f"blocks of {cells[0]} and {cells[1]} cells, {'beyond yielding' if law.yields else 'elastic'}"
+    worst = tool.stress[np.argmax(np.abs(tool.stress[:, 1] + pressure)), 1]
+    verified("6.3", f"{what}: stress at the worst point", -worst, pressure, within=1e-2, unit="MPa")
+    verified("6.3", f"{what}: shortening", -tool.displacement[at_top, 1].mean(), 20 * strain, within=2e-3, unit="mm")
     assert tool.displacement[at_top, 1] == pytest.approx(np.full(at_top.sum(), -20 * strain), rel=2e-3)
     assert solver.contacts[0].force()[1] == pytest.approx(pressure * 10 * (1 if cells[1] >= cells[0] else -1), rel=1e-8)
 
