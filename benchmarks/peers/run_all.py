@@ -50,7 +50,7 @@ CALCULIX = {
         **{f"CAX8R {cells(*n)}, nodes to surface": (billet(n), n[0] > 12) for n in ((6, 9), (8, 12), (12, 18), (16, 24))},
         "CAX8R 8 x 12, surface to surface": (billet((8, 12), "SURFACE TO SURFACE"), False),
         "CAX8R 16 x 24, surface to surface": (billet((16, 24), "SURFACE TO SURFACE"), True)},
-    "smooth_ring": {f"CAX8R {cells(*n)}": (ring(n, 0.0), n[0] > 16) for n in ((8, 6), (16, 12))},
+    "smooth_ring": {f"CAX8R {cells(*n)}": (ring(n, 0.0), n[0] > 16) for n in ((8, 6), (16, 12), (32, 24))},
     "ring": {f"CAX8R {cells(*n)}": (ring(n, 0.1), n[0] > 16) for n in ((8, 6), (16, 12), (32, 24))},
     "block": {f"C3D20R {cells(n, n, n)}": (Block(n, reduction=0.1, stations=1, increment=0.02), n > 8)
               for n in (4, 6, 8, 12)},
