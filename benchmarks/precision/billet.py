@@ -44,5 +44,5 @@ def trials():
 
 
 CASE = Case("billet", "Billet between rough dies, 60 %: sides fold onto the dies", "the force", "steps", trials,
-            "Means of three meshes that differ by 4 %. Below a step of 0.45 mm only the mesh is left, and where sides land: "
+            "Means of three meshes that differ by 4 %. Below 0.45 mm a step only the mesh is left, and where sides land: "
             "one per cent on any one mesh.")
