@@ -48,10 +48,12 @@ def trials():
     made = [Trial("limit load, fine at the corner", f"{size:g}", lambda s=size, g=growth: limit_load(s, g), size == 0.02)
             for size, growth in LEVELS]
     made += [Trial("limit load, one size", f"{size:g}", lambda s=size: limit_load(s)) for size in (0.2, 0.1, 0.05)]
-    made += [Trial(f"process, {zone:g} mm", f"step {step:g} mm", lambda s=step, z=zone, c=corner: process(s, z, c),
-                   (zone, step) == (1.2, 0.1)) for zone, corner in ((1.8, 0.6), (1.2, 0.4)) for step in (0.4, 0.2, 0.1)]
-    return made + [Trial("process, 1.2 mm, explicit", f"step {step:g} mm", lambda s=step: process(s, scheme="explicit"))
-                   for step in (0.2, 0.1)]
+    process_of = lambda name, step, *how: Trial(  # noqa: E731
+        f"process, {name}", f"step {step:g} mm", lambda: process(step, *how), (how[0], step) == (1.2, 0.1) and len(how) == 2,
+        family="process")
+    made += [process_of(f"{zone:g} mm", step, zone, corner) for zone, corner in ((1.8, 0.6), (1.2, 0.4))
+             for step in (0.2, 0.1)]
+    return made + [process_of("1.2 mm, explicit", step, 1.2, 0.4, "explicit") for step in (0.2, 0.1)]
 
 
 CASE = Case("extrusion", "Plane extrusion, reduction 50 %, smooth container, square die", "the ram pressure", "unknowns",

@@ -14,20 +14,22 @@ import fenics_forming as ff
 
 FOLDER = Path(__file__).parent
 COLUMNS = ("case", "series", "setup", "is_default", "unknowns", "steps", "cpu_s", "error", "on_front")
-SHORT = 0.5         # CPU seconds; shorter runs are made twice, the faster counts
+SHORT, LONG = 0.5, 2.0      # CPU seconds; runs below the first are made twice, the faster counts; above the second never
 FRONT = 1.5         # a default may take so many times the fastest run that is no less exact: noise, and what is not tried
 
 
 @dataclass(frozen=True)
 class Trial:
     """One run: ``make()`` gives (error relative to the reference, unknowns, steps). ``default``: as the package has it
-    if the user says nothing but a size and a step. ``runs`` : made by one call, which share its time."""
+    if the user says nothing but a size and a step. ``runs`` : made by one call, which share its time.
+    ``family`` : defaults are judged among trials that do the same."""
 
     series: str
     setup: str
     make: Callable[[], tuple[float, int, int]]
     default: bool = False
     runs: int = 1
+    family: str = ""
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,11 @@ class Case:
 
 def rows_of(case: Case) -> list[dict]:
     """Every trial made; a run that cannot go on has no error."""
-    rows, begun = [], set()
-    for trial in case.trials():
-        row = {"case": case.name, "series": trial.series, "setup": trial.setup, "is_default": trial.default}
+    rows, begun, trials = [], set(), case.trials()
+    trials[0].make()        # compiles, or loads what is compiled
+    for trial in trials:
+        row = {"case": case.name, "family": trial.family, "series": trial.series, "setup": trial.setup,
+               "is_default": trial.default}
         try:
             spent, found = _timed(trial, again=trial.series not in begun)
         except ff.FormingError:
@@ -56,31 +60,32 @@ def rows_of(case: Case) -> list[dict]:
         rows.append(row | {"unknowns": found[1], "steps": found[2], "cpu_s": round(spent, 3),
                            "error": float(f"{abs(found[0]):.3g}")})
     for row in rows:
-        row["on_front"] = "error" in row and row["cpu_s"] <= FRONT * fastest(rows, row["error"])["cpu_s"]
+        row["on_front"] = "error" in row and row["cpu_s"] <= FRONT * fastest(rows, row)["cpu_s"]
     return rows
 
 
 def _timed(trial: Trial, again: bool):
-    """CPU seconds and outcome; the first of a series compiles or loads what is compiled, and is made again."""
+    """CPU seconds and outcome; short ones, and the first of a series, which may have to load something, are made twice."""
     times = []
     for _ in range(2):
         before = process_time()
         found = trial.make()
         times.append((process_time() - before) / trial.runs)
-        if times[0] > SHORT and not again:
+        if times[0] > (LONG if again else SHORT):
             break
     return (min(times), found)
 
 
-def fastest(rows: list[dict], error: float) -> dict:
-    """The fastest run that is no less exact."""
-    return min((row for row in rows if row.get("error", float("inf")) <= error), key=lambda row: row["cpu_s"])
+def fastest(rows: list[dict], than: dict) -> dict:
+    """The fastest run of the same family that is no less exact."""
+    return min((row for row in rows if row["family"] == than["family"] and row.get("error", float("inf")) <= than["error"]),
+               key=lambda row: row["cpu_s"])
 
 
 def write(rows: list[dict], name: str) -> None:
     """The rows as a table of comma-separated values."""
     with (FOLDER / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, COLUMNS, restval="failed", lineterminator="\n")
+        table = csv.DictWriter(file, COLUMNS, restval="failed", lineterminator="\n", extrasaction="ignore")
         table.writeheader()
         table.writerows(rows)
 
@@ -127,7 +132,7 @@ def verdict(rows: list[dict]) -> list[dict]:
     """For every default: what it costs against the fastest run that is no less exact."""
     found = []
     for row in (row for row in rows if row["is_default"] and "error" in row):
-        best = fastest(rows, row["error"])
+        best = fastest(rows, row)
         found.append(row | {"times_the_fastest": row["cpu_s"] / best["cpu_s"],
                             "fastest": f"{best['series']}, {best['setup']}"})
     return found

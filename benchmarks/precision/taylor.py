@@ -9,7 +9,7 @@ from demos.taylor_impact import SCENE
 
 from .measuring import Case, Trial
 
-FINEST = (0.5, 240)         # mm, steps: the reference
+FINEST = (0.6, 160)         # mm, steps: the reference
 TIME = 80e-6
 
 
@@ -37,11 +37,11 @@ def off(mesh, steps, scheme="implicit", remesh=True):
 def trials():
     best()
     made = [Trial(f"implicit, {mesh:g} mm", f"{n} steps", lambda m=mesh, n=n: off(m, n), (mesh, n) == (0.8, 120))
-            for mesh in (1.2, 0.8, 0.6) for n in (30, 60, 120)]
+            for mesh in (1.2, 0.8) for n in (30, 60, 120)]
     made += [Trial(f"{scheme}, 0.8 mm", f"{n} steps", lambda s=scheme, n=n: off(0.8, n, s))
-             for scheme in ("explicit", "etd2", "trapezoid") for n in (30, 60, 120)]
+             for scheme in ("explicit", "etd2") for n in (30, 60, 120)]
     return made + [Trial("implicit, 0.8 mm, one mesh", f"{n} steps", lambda n=n: off(0.8, n, remesh=False))
-                   for n in (60, 120)]
+                   for n in (60,)]
 
 
 CASE = Case("taylor", "Copper rod against a wall at 227 m/s", "length and foot", "steps", trials,
