@@ -49,7 +49,7 @@ def trials():
             for size, growth in LEVELS]
     made += [Trial("limit load, one size", f"{size:g}", lambda s=size: limit_load(s)) for size in (0.2, 0.1, 0.05)]
     process_of = lambda name, step, *how: Trial(  # noqa: E731
-        f"process, {name}", f"step {step:g} mm", lambda: process(step, *how), (how[0], step) == (1.2, 0.1) and len(how) == 2,
+        f"process, {name}", f"step {step:g} mm", lambda: process(step, *how), (step, *how) == (0.1, 1.2, 0.4),
         family="process")
     made += [process_of(f"{zone:g} mm", step, zone, corner) for zone, corner in ((1.8, 0.6), (1.2, 0.4))
              for step in (0.2, 0.1)]
