@@ -60,22 +60,33 @@ def test_strain_and_radius_of_the_cylinder_follow_from_its_height(verified):
     assert abs(last["volume_error_b"]) < 1e-3
 
 
-@pytest.mark.parametrize(("walls", "exact"), [(True, 4618.802 / 20), (False, 200.0)])
-def test_a_cube_gives_the_plane_strain_force_between_walls_and_the_uniaxial_one_without(walls, exact, verified):
-    """One eighth of a 20 mm cube, h 20 → 10: per area of the undeformed platen, 2/sqrt(3) or 1 times sigma h0/h."""
+def cube(law, walls, linear, *, steps):
+    """One eighth of a 20 mm cube, h 20 → 10, its platen at 0.5 mm/s; between walls it flows in one direction only."""
     values = {
-        "geometry": "3d", "materials": {"m": {"flow_stress": LAWS["perfect"]}},
+        "geometry": "3d", "materials": {"m": {"flow_stress": LAWS[law]}},
         "workpieces": {"b": {"shape": {"kind": "box", "from": [0, 0, 0], "to": [10, 10, 10]}, "material": "m",
                              "mesh_size": 8.0, "symmetry": ["x", "y", "z"]}},
         "tools": {"upper": {"shape": {"kind": "plane", "point": [0, 0, 10], "normal": [0, 0, -1]},
                             "drive": {"kind": "speed", "velocity": [0, 0, -0.5]}}},
-        "steps": {"stroke": 0.25}, "stop": {"stroke": 5.0}}
+        "solver": {"linear": linear}, "steps": {"stroke": 5.0 / steps}, "stop": {"stroke": 5.0}}
     if walls:
         values["tools"]["wall"] = {"shape": {"kind": "plane", "point": [0, 10, 0], "normal": [0, -1, 0]}}
-    last = simulate(Scene.read(values)).history.rows[-1]
-    # forces are those of the whole cube
-    verified("1.2" if walls else "1.1", f"cube in 3-D, {'two walls' if walls else 'free sides'}, h = 10 mm",
-             last["force_upper_N"] / 400.0, exact, within=1e-3, unit="MPa")
+    return simulate(Scene.read(values)).history.rows[-1]["force_upper_N"]
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+@pytest.mark.parametrize(("walls", "exact"), [(True, 4618.802 / 20), (False, 200.0)])
+def test_a_cube_gives_the_plane_strain_force_between_walls_and_the_uniaxial_one_without(walls, exact, linear, verified):
+    """Per area of the undeformed platen, 2/sqrt(3) or 1 times sigma h0/h; forces are those of the whole cube."""
+    verified("1.2" if walls else "1.1", f"cube in 3-D, {'two walls' if walls else 'free sides'}, h = 10 mm, {linear}",
+             cube("perfect", walls, linear, steps=20) / 400.0, exact, within=1e-3, unit="MPa")
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if law != "perfect"])
+def test_a_cube_between_walls_follows_every_law_by_iterations(law, verified):
+    """REFERENCES 1.2 in space, at h = 10 mm; both platens at 0.5 mm/s are one at 1 mm/s."""
+    verified("1.2", f"cube in 3-D, two walls, {law}, h = 10 mm, iterative", cube(law, True, "iterative", steps=40) / 400.0,
+             PLANE_STRAIN[law][1] / 20, within=1e-3, unit="MPa")
 
 
 def test_the_scene_file_gives_the_same_run_as_the_same_scene_from_python(tmp_path):
