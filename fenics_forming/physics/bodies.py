@@ -37,7 +37,7 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors, touching), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None,
                             from_boundary=workpiece.mesh_size is not None,
-                            wanted=_finer_parts(scene, tools, lambda: size, corners, shape.bounds()),
+                            wanted=_finer_parts(scene, tools, lambda: size, corners),
                             enduring=workpiece.remesh is not None, comm=comm)
     return mesh, size
 
@@ -57,14 +57,13 @@ def largest_size(workpiece, volume: float, dim: int) -> float:
     return size if remesh is None or remesh.max_size is None else min(size, remesh.max_size)
 
 
-def _finer_parts(scene: Scene, tools, size, corners, bounds=None):
-    """What `meshing.generate` takes as ``wanted``; None if neither the scene nor an edge of a tool asks for anything.
+def _finer_parts(scene: Scene, tools, size, corners):
+    """What `meshing.generate` takes as ``wanted``; None if the scene asks for nothing of the kind.
 
     ``size`` is a callable: of a CAD file it is known only when gmsh has read it.
     """
     workpiece = scene.workpiece
-    if workpiece.remesh is None and not workpiece.refine and not (
-            bounds is not None and scene.dimension == 3 and _edges_near(bounds, tools, CORNER_REACH * size())):
+    if workpiece.remesh is None and not workpiece.refine:
         return None
     from .sizes import AtPoints, body_sizes, mirror_planes, nodal_sizes
 
@@ -93,24 +92,13 @@ def _corners_near(bounds, tools, reach, dim):
     return corners[((corners >= low - reach) & (corners <= high + reach)).all(axis=1)]
 
 
-def _edges_near(bounds, tools, reach: float) -> bool:
-    """Whether the box around a sharp edge of a tool in space comes near the box of the body."""
-    low, high = np.asarray(bounds)
-    for tool in (t for t in tools if t.surface.radius is None):
-        ends = tool.surface.edges()
-        if ((ends.min(axis=1) <= high + reach) & (ends.max(axis=1) >= low - reach)).all(axis=1).any():
-            return True
-    return False
-
-
 def _touching_edges(scene: Scene, tools, size: float) -> list:
     """Sharp edges of tools in space that lie on the surface of the body, see `imprint.edges_on`."""
-    shape = scene.workpiece.shape
-    if not _edges_near(shape.bounds(), tools, 0.0):
+    if all(tool.surface.radius is not None or len(tool.surface.edges()) == 0 for tool in tools):
         return []
     from .imprint import circles_of, edges_on
     circles = {name: circles_of(tool) for name, tool in scene.tools.items()}
-    return edges_on(shape, tools, {name: found for name, found in circles.items() if found}, size)
+    return edges_on(scene.workpiece.shape, tools, {name: found for name, found in circles.items() if found}, size)
 
 
 def _corners_on_tools(shape, tools, tolerance):

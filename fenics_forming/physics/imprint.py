@@ -2,14 +2,13 @@
 
 A side of an element over such an edge would belong half to the contact: it carries the velocity of the tool beyond the
 edge or bends away under it. A punch on a half space comes out by up to a fifth too strong or too weak for that, as the
-nodes happen to lie; on an edge of the mesh it is the error of the elements that is left.
+nodes happen to lie; on an edge of the mesh it is the error of the elements that is left. The elements there are not made
+smaller in space, as they are in the plane: small cells at a sharp edge fail early, and a scene can ask for them.
 """
 
 from __future__ import annotations
 
 import numpy as np
-
-from .sizes.tools import edges_of
 
 ON_SURFACE = 1e-6       # of the element size: so near to the surface of the body an edge lies on it
 SHORTEST = 0.5          # of the element size: shorter edges, as of a rounding in facets, would only ask for small elements
@@ -30,7 +29,7 @@ def edges_on(shape, tools, rims, size: float) -> list[np.ndarray]:
         if tool.name in rims:
             found += [circle for circle in rims[tool.name] if _touches(shape, _around(*circle), size)]
             continue
-        edges = edges_of(tool)
+        edges = tool.surface.edges() if tool.surface.radius is None else np.empty((0, 2, 3))
         edges = edges[np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) > SHORTEST * size]
         along = np.linspace(0, 1, SAMPLES)[:, None]
         found += [edge for edge in edges if _touches(shape, (1 - along) * edge[0] + along * edge[1], size)]

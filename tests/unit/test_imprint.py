@@ -1,16 +1,14 @@
-"""Edges of tools that lie on the surface of a body at the start are edges of its first mesh, with fine elements."""
+"""Edges of tools that lie on the surface of a body at the start are edges of its first mesh."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from fenics_forming import Scene
-from fenics_forming.physics.bodies import CORNER_SIZE, body_mesh
+from fenics_forming.physics.bodies import body_mesh
 from fenics_forming.physics.contact.triangulated import Triangulated
 from fenics_forming.physics.imprint import split_at
-from fenics_forming.physics.refining import cell_sizes
 from fenics_forming.physics.remeshing import BodyArrays
-from fenics_forming.physics.sizes.tools import edges_of
 from fenics_forming.physics.tools import known_tools
 from fenics_forming.scene.outline import Arc, Line
 
@@ -43,15 +41,6 @@ def test_no_side_of_an_element_straddles_the_edge_of_a_punch(name):
     assert (beyond < 1e-3).all(axis=1).any()
 
 
-def test_elements_are_finer_along_the_edge_and_only_there():
-    body = body_under(TOOLS["flat die"])
-    centre = body.x[body.cells[:, :4]].mean(axis=1)
-    apart, size = np.hypot(centre[:, 0] - 1.3, centre[:, 2]), cell_sizes(body)
-    # 1.15: regular tetrahedra leave gaps, so that cells of sides h are as large as one of 1.15 h (see test_sizes.py)
-    assert np.median(size[apart < 0.3]) == pytest.approx(1.15 * (CORNER_SIZE * 0.9 + 0.2 * 0.2), rel=0.2)
-    assert np.median(size[(apart > 1.0) & (apart < 1.6)]) > 1.3 * np.median(size[apart < 0.3])
-
-
 def test_a_tool_whose_edges_lie_elsewhere_leaves_the_mesh_as_it_is():
     plane = body_under({"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, -1]})
     platen = body_under({"kind": "box", "from": [-20, -20, 0], "to": [20, 20, 5]})
@@ -82,13 +71,3 @@ def test_edges_that_protrude_are_told_from_grooves_and_facets():
     found = Triangulated(np.vstack([low, high]), np.vstack([*mantle, face[:, ::-1], 6 + face])).edges()
     assert len(found) == 17
     assert not (np.abs(found[:, :, :2] - 1).max(axis=(1, 2)) < 1e-12).any()
-
-
-def test_round_and_plane_tools_have_no_edges():
-    for shape in ({"kind": "sphere", "centre": [0, 0, 1], "radius": 1},
-                  {"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, 1]},
-                  {"kind": "cylinder", "centre": [0, 0, 1], "axis": [1, 0, 0], "radius": 1}):
-        scene = Scene.read({"geometry": "3d", "materials": {"m": {"flow_stress": {"law": "constant", "value": 100}}},
-                            "workpieces": {"b": BLOCK}, "tools": {"t": {"shape": shape}}, "steps": {"time": 1},
-                            "stop": {"time": 1}})
-        assert len(edges_of(known_tools(scene)[0])) == 0

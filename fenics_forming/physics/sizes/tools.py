@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bodies import CORNER_REACH, CORNER_SIZE
 from .domains import gap_to
-from .field import Around, AtPoints, Sizes
+from .field import Around, AtPoints
 
 SIDES = 3               # of elements on a rounding, where no chord is given
 QUARTER = np.pi / 2     # what a long arc is divided into for that
@@ -18,37 +18,6 @@ def corner_source(tools, surface, *, base: float, least: float, growth: float) -
     found = [points[surface(points) <= CORNER_REACH * base] for points in found if len(points)]
     points = np.concatenate(found) if found else np.empty((0, 2))
     return [AtPoints(points, max(CORNER_SIZE * base, least), growth, base)] if len(points) else []
-
-
-def edge_source(tools, surface, sizes: Sizes) -> list[AtPoints]:
-    """Sharp edges of the tools in space near the surface of the body: finer than what all else asks for there.
-
-    Parameters
-    ----------
-    surface : callable, points to their distance from the surface of the body
-    sizes : wanted without them
-    """
-    found = [points_on(edges, 0.5 * CORNER_SIZE * sizes.base) for edges in map(edges_of, tools) if len(edges)]
-    found = [points[surface(points) <= CORNER_REACH * sizes.base] for points in found]
-    points = np.concatenate(found) if found else np.empty((0, 3))
-    if len(points) == 0:
-        return []
-    return [AtPoints(points, np.maximum(CORNER_SIZE * sizes(points), sizes.least), sizes.growth, sizes.base)]
-
-
-def edges_of(tool) -> np.ndarray:
-    """Ends (e, 2, 3) mm of the sharp edges of a tool at its present place; none of one that is round or in the plane."""
-    if tool.surface.radius is not None or tool.surface.dimension == 2:
-        return np.empty((0, 2, 3))
-    return _in_space(tool, tool.surface.edges().reshape(-1, 3)).reshape(-1, 2, 3)
-
-
-def points_on(edges: np.ndarray, spacing: float) -> np.ndarray:
-    """Points (k, 3) on edges (e, 2, 3), ends included, no farther apart than that, mm."""
-    count = np.maximum(np.ceil(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) / spacing), 1).astype(int) + 1
-    row = np.repeat(np.arange(len(edges)), count)
-    share = (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)) / (count[row] - 1)
-    return edges[row, 0] + share[:, None] * (edges[row, 1] - edges[row, 0])
 
 
 def rounding_sources(tools, surface, body: np.ndarray, *, chord, base: float, least: float, growth: float) -> list:

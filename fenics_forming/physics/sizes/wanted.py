@@ -8,7 +8,7 @@ from ..remeshing.body_arrays import BodyArrays
 from .domains import domain_sources
 from .field import Sizes, graded
 from .thickness import thickness, ways_around
-from .tools import corner_source, edge_source, rounding_sources
+from .tools import corner_source, rounding_sources
 
 GROWTH = 0.2
 LEAST = 0.05            # of the mesh size, where the scene gives no min_size
@@ -33,11 +33,10 @@ def body_sizes(scene, tools, body: BodyArrays, mirrors: dict[int, float], mesh_s
     surface, nodes = _distance_from(body.x, free)
     near = dict(base=mesh_size, least=least, growth=growth)
     sources = [*domain_sources(scene.workpiece.refine, tools, surface, growth),
-               *(corner_source(tools, surface, **near) if body.dim == 2 else ())]
+               *corner_source(tools, surface, **near)]
     if remesh is not None:      # without, elements at a rounding would soon be somewhere else
         sources += rounding_sources(tools, surface, nodes, chord=remesh.chord, **near)
-    sizes = Sizes(mesh_size, least, growth, tuple(sources))
-    return sizes.and_also(*edge_source(tools, surface, sizes)) if body.dim == 3 else sizes
+    return Sizes(mesh_size, least, growth, tuple(sources))
 
 
 def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -> np.ndarray:
