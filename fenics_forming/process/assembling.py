@@ -19,6 +19,7 @@ from ..physics.parts import DamageByRow, Parts
 from ..physics.surface import Surface, facet_sides
 from ..physics.workpiece import Workpiece
 from ..scene import Scene
+from ..scene.contacts import drawn_overlap
 from .body import FlowingBody
 from .moving import mass_of, velocity_of
 from .placing import nodes_of, settings_of, working_direction
@@ -121,7 +122,10 @@ def _pairs(scene: Scene, nodes: Nodes, free: dict[str, np.ndarray], slaves) -> l
         slave = slaves[contact.name]
         master = next(name for name in contact.between if name != slave)
         friction = contact.friction if contact.friction.law != "none" else None
-        pairs.append(Pair(contact.name, free[slave], free[master], friction, contact.interference, contact.element, slave))
+        # what is drawn the mesh has already
+        hidden = contact.interference and max(contact.interference - drawn_overlap(scene, contact), 0.0)
+        pairs.append(Pair(contact.name, free[slave], free[master], friction, hidden, contact.element, slave,
+                          contact.interference))
     return pairs
 
 

@@ -48,7 +48,7 @@ class Touching:
 
     def is_pushed(self, dt: float) -> bool:
         """Whether something makes the body flow: a tool that touches it and closes in or turns, or, of a body that
-        flows already, one that lands on it within ``dt``.
+        flows already, one that lands on it within ``dt``; or an interference between bodies that is still there.
 
         Otherwise rest is the solution: a tool that stands still, withdraws or slides along presses nothing.
         """
@@ -58,7 +58,8 @@ class Touching:
         turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
         pushed = touch <= 1e-9 * dt if self.workpiece.is_cold else touch < dt
         pushed = pushed or highest(self.nodes.comm, float(self.contact.is_loaded(size))) > 0
-        return pushed or highest(self.nodes.comm, float(turns)) > 0
+        return pushed or highest(self.nodes.comm, float(turns)) > 0 or \
+            self.interfaces is not None and self.interfaces.interferes(size)
 
     def time_to_contact(self, horizon: float) -> float:
         """Time until the first tool touches the body, s; 0 where one touches already. Collective."""

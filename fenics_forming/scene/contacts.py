@@ -31,7 +31,8 @@ class Contact(Described):
     Parameters
     ----------
     between : names of the two bodies. friction : between their surfaces, none if not given.
-    interference : overlap that they have at the start, mm, which presses them apart; a gap between the shapes stays one.
+    interference : overlap that they have at the start, mm, drawn in their shapes or not, which presses them apart; without
+    it a gap between the shapes stays one.
     element : where contact is looked at, the "integration_point"s of the finer surface or its nodes ("node", the
     classical node-to-facet element).
     conductance : of heat between two workpieces where they touch, mJ/s/mm^2/K; none goes over if not given.
@@ -111,6 +112,16 @@ def pair_problems(scene):
         if _overlap(body.shape, second.shape, allowed + slack) or _overlap(second.shape, body.shape, allowed + slack):
             sentence = f"overlaps the workpiece '{name}' at the start; move it, or give the interference of their contact"
             yield SceneError(sentence, key=f"workpieces.{other}.shape", got=second.shape, allowed="no overlap")
+
+
+def drawn_overlap(scene, contact):
+    """How deep the shapes of two workpieces in contact overlap as they are drawn, mm; 0 where their kinds do not tell."""
+    one, other = (scene.workpieces[name].shape for name in contact.between)
+    if any(shape.file is not None or not hasattr(shape, "depth") for shape in (one, other)):
+        return 0.0
+    depths = (a.depth(b.boundary_points(np.ptp(b.bounds(), axis=0).max() / 100)).max()
+              for a, b in ((one, other), (other, one)))
+    return max(0.0, *(float(depth) for depth in depths))
 
 
 def pair_warnings(scene):

@@ -150,6 +150,23 @@ def test_gap_between_core_and_sleeve_closes_and_presses():
     assert inner == pytest.approx(outer, abs=1e-3)      # nodes of unlike meshes: a chord of one lies in a side of the other
 
 
+@pytest.mark.parametrize("radius", [20.0, 20.05], ids=["declared", "drawn"])
+def test_interference_widens_a_thin_ring_by_itself(radius):
+    """0.05 mm between a hard core and a perfectly plastic ring of 20 to 21 mm, no tool near: the ring yields all around
+    under p = s ln(b/a) (free ends, thin: within 2 %), and stops at the core, drawn that wide or not."""
+    bodies = {"core": rectangle((0, 0), (radius, 12), 3.0, material="hard"), "ring": rectangle((20, 0), (21, 10), 0.7)}
+    found = upsetting(bodies, [between("core", "ring", interference=0.05)], travel=0.2, step=0.1,
+                      tools={"upper": platen(13)}, points={"bore": scene.TrackedPoint(body="ring", at=(20, 3))})
+    hard = scene.Material(flow_stress=laws.Constant(value=20 * STRESS))
+    history = simulate(found.replaced(materials={**found.materials, "hard": hard})).history
+    pressed = history.column("contact_force_core_ring_N")
+    assert pressed[0] == pytest.approx(100 * np.log(21 / 20) * 2 * np.pi * 20 * 20, rel=0.02)
+    assert pressed[-1] == 0.0
+    assert history.column("bore_r_mm")[-1] == pytest.approx(20.05, abs=5e-5)
+    assert history.column("bore_effective_strain")[-1] == pytest.approx(0.05 / 20, rel=0.01)
+    assert (history.column("force_upper_N") == 0.0).all()
+
+
 def test_body_that_nothing_holds_is_carried_and_lands():
     """The upper of two blocks with a gap between flies with its platen, without force, until it meets the lower one."""
     bodies = {"low": rectangle((0, 0), (10, 5), 1.6), "high": rectangle((0, 5.2), (10, 10), 1.4, ())}

@@ -108,5 +108,6 @@ def test_balls_press_over_the_circle_of_hertz(verified):
              unit="mm")
     verified("6.5", "peak", peak(contact, distance, 0.319125), 4688.34, within=0.03, unit="MPa")
     assert abs(contact.force()[2]) == pytest.approx(force / 4, rel=1e-4)     # its rim is one of parabolas
+    assert solver.relative_penetration() < 1e-6
     at_middle = np.isclose(body.nodes.x[:, 2], radius) & (np.hypot(*body.nodes.x[:, :2].T) < 1.0)
     verified("6.5", "approach of two balls", -body.nodal()[at_middle, 2].mean(), 0.020369, within=0.03, unit="mm")

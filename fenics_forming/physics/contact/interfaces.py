@@ -17,13 +17,14 @@ from .rigid import RigidContact
 
 REACH = 0.5      # of the size of a side: gaps up to this stay paired, so that sliding changes the pairing rarely
 FADE = 0.1       # of the size of a side: wider gaps, of what cannot close in a step, count little in the mean of a node
+SETTLED = 0.01   # of an interference: what is left of it then does no longer push the bodies apart
 TRAVEL = 4.0     # times the way of the tools in a step: a gap beyond cannot close in it
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two bodies that may touch: a name, owned exterior facets of each, friction law or None, how it is looked at, and
-    the name of the body that holds the points."""
+    """Two bodies that may touch: a name, owned exterior facets of each, friction law or None, overlap that the meshes do
+    not have, how it is looked at, which body holds the points, and the overlap at the start, drawn or not."""
 
     name: str
     slave: np.ndarray
@@ -32,6 +33,7 @@ class Pair:
     interference: float = 0.0
     element: str = "integration_point"
     holder: str = ""
+    overlap: float = 0.0
 
 
 class Interfaces:
@@ -49,7 +51,7 @@ class Interfaces:
         self.contacts = [BodyContact(nodes, kinematics, pair.slave, pair.master, dofs=dofs, owned=owned, free=free,
                                      friction=pair.friction, element=pair.element, interference=pair.interference)
                          for pair in pairs]
-        self._nodes, self._tools = nodes, tools
+        self._nodes, self._tools, self._overlaps = nodes, tools, [pair.overlap for pair in pairs]
         self._unknowns = PETSc.Vec().createMPI((owned, None), comm=nodes.comm)
         first = self._unknowns.getOwnershipRange()[0]
         self._mine = (dofs >= first) & (dofs < first + owned)
@@ -74,6 +76,13 @@ class Interfaces:
             new |= not np.isin(contact.pairs(), self._known[k]).all()
         if highest(self._nodes.comm, float(new)):
             self.has_new_pairs = True
+
+    def interferes(self, least: float) -> bool:
+        """Whether bodies overlap by an interference that they were given, by more than ``least``, mm. Collective."""
+        given = ((contact, overlap) for contact, overlap in zip(self.contacts, self._overlaps, strict=True) if overlap > 0)
+        worst = max((-contact.state.gap.min(initial=np.inf) - max(least, SETTLED * overlap) for contact, overlap in given),
+                    default=-np.inf)
+        return highest(self._nodes.comm, float(worst)) > 0
 
     def gaps(self) -> dict[str, np.ndarray]:
         """Pair → (sides, corners) the gaps of the last search, mm. Collective."""

@@ -63,7 +63,8 @@ class AssembledSolver(PlasticSolver):
     ----------
     contacts : `PartContact` of its parts
     penalty_factor : penalty in units of the stiffness per area of the contact surfaces
-    augmentations : how often at most the tractions found become the multipliers, which takes the penetration out
+    augmentations : how often at most the tractions found become the multipliers, which takes the penetration out; one is
+        a single solve with the tangent that is there, and leaves about half of it where a node carries little surface
     penetration : of the greatest displacement, where that ends: overlap of what presses, and give of what friction holds
 
     Attributes
@@ -73,7 +74,7 @@ class AssembledSolver(PlasticSolver):
     """
 
     def __init__(self, body: ToolBody, contacts, settings: ToolSettings = ToolSettings(), *, penalty_factor: float = 10.0,
-                 augmentations: int = 10, penetration: float = 1e-6):
+                 augmentations: int = 40, penetration: float = 1e-6):
         super().__init__(body, settings)        # of a body that cannot yield without any state at its points
         self.augmentations, self.penetration, self.factorisations = augmentations, penetration, 0
         dofs = global_dofs(body, np.arange(body.nodes.count))
