@@ -224,7 +224,8 @@ class Ram:
         slowing = max(force, 0.0) / self._resisting_mass
         self._overdrawn = None
         if now.left - taken < -SPENT / 2 * self.drive.energies[now.blow]:
-            self._overdrawn = now.since, slowing, now.speed / slowing
+            left, length = max(now.left, 0.0), time - now.since
+            self._overdrawn = now.since, slowing, min(now.speed / slowing, length * left / taken)
         now.work, now.stored, now.left = now.work + work, now.stored + stored, now.left - taken
         now.lost += (1 - self.drive.forming_share) * taken
         now.since, now.travelled, now.pace, now.ended = time, now.travelled + way, None, False
