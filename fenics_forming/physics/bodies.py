@@ -13,6 +13,11 @@ from .parallel import total
 # CORNER_SIZE and the growth in meshing.generate were picked among nine pairs on the sticking billet, whose force
 # they move by +-1 % without a trend: they say where to refine, and are no calibration.
 CORNER_SIZE = 0.35      # of the mesh size, at sharp corners of tools: the flow is singular there
+GROWTH = 0.2            # of the size per unit of distance from there
+# ... and from the edge of a contact, where the side of the body folds down: it lands element by element, and with 0.15 the
+# force of the billet goes up and down less (0.29 against 0.37 % rms of seven meshes in 20 steps, for 7 % more unknowns);
+# with 0.1 a cylinder has an inverted cell at 59 % instead of later
+EDGE_GROWTH = 0.15
 CORNER_REACH = 2.0      # mesh sizes from the body within which corners and roundings of tools count
 AUTOMATIC = {2: 0.044, 3: 0.183}     # mesh size of a square or cube of side 1
 
@@ -31,11 +36,13 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
         return _from_file(scene, tools, comm)
     size = largest_size(workpiece, shape.volume_or_area(), dim)
     mirrors = _mirrors(scene)
-    corners = np.concatenate([_corners_near(shape.bounds(), tools, CORNER_REACH * size, dim),
-                              _corners_on_tools(shape, tools, 1e-6 * size)])
+    singular = _corners_near(shape.bounds(), tools, CORNER_REACH * size, dim)
+    edges = _corners_on_tools(shape, tools, 1e-6 * size)
+    corners = np.concatenate([singular, edges])
+    growth = np.repeat([GROWTH, GROWTH if workpiece.remesh is not None else EDGE_GROWTH], [len(singular), len(edges)])
     builder, touching = BUILDERS[shape.kind], corners if dim == 2 else _touching_edges(scene, tools, size)
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors, touching), dim, size, corners=corners,
-                            corner_size=CORNER_SIZE * size if len(corners) else None,
+                            corner_size=CORNER_SIZE * size if len(corners) else None, growth=growth,
                             from_boundary=workpiece.mesh_size is not None,
                             wanted=_finer_parts(scene, tools, lambda: size, corners),
                             enduring=workpiece.remesh is not None, comm=comm)

@@ -89,12 +89,14 @@ def polygon(points, size: float, *, corners=(), corner_size: float | None = None
     return generate(build, 2, size, corners=corners, corner_size=corner_size, growth=growth, comm=comm)
 
 
-def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
-             from_boundary: bool = True, wanted=None, enduring: bool = False, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
+def generate(build, dim: int, size: float | None, *, corners=(), corner_size: float | None = None,
+             growth: float | np.ndarray = 0.2, from_boundary: bool = True, wanted=None, enduring: bool = False,
+             comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """Mesh what ``build(gmsh)`` puts into the model, on rank 0, and distribute it.
 
     Parameters
     ----------
+    growth : of the size per unit of distance from each corner, one for all or (k,)
     from_boundary : sizes inside follow the sides on the boundary, of which a whole number has to fit; else ``size``
     wanted : finer parts, see `refining.refine`
     enduring : solids get better cells at corners, at some expense, so that a remeshing is due later
@@ -249,8 +251,8 @@ def _sizes(gmsh, size, corners, corner_size, growth):
     pad[:, : corners.shape[1]] = corners
 
     def callback(dim, tag, x, y, z, lc):
-        distance = np.sqrt(((pad - (x, y, z)) ** 2).sum(axis=1)).min()
-        return min(size, corner_size + growth * distance)
+        distance = np.sqrt(((pad - (x, y, z)) ** 2).sum(axis=1))
+        return min(size, corner_size + (growth * distance).min())
 
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     gmsh.model.mesh.setSizeCallback(callback)
