@@ -53,11 +53,12 @@ class BodyRecord:
                     row[f"min_{gathered}_{body}{unit}"] = -self._largest(-values[self._mine(body)])
         return row
 
-    def contact_forces(self, unit: str) -> dict[str, float]:
-        """Columns of the forces that press bodies on one another, the sum of the pressure over their common surface."""
+    def contact_forces(self, unit: str, share: float) -> dict[str, float]:
+        """Columns of the forces that press bodies on one another: ``share`` of the sum of the pressure over their common
+        surface."""
         interfaces, row = self.run.body.interfaces, {}
         for name, contact in zip(interfaces.names, interfaces.contacts, strict=True) if interfaces is not None else ():
-            force = float(total(self.comm, contact.state.pressure @ contact.weights))
+            force = share * float(total(self.comm, contact.state.pressure @ contact.weights))
             row[f"contact_force_{name.replace('-', '_')}_{unit}"] = force * self.copies()
         return row
 

@@ -37,11 +37,11 @@ class ContactForceWriter:
         tools = wanted(scene)
         return cls(folder, comm, tools, resume_after=resume_after) if tools else None
 
-    def write(self, contact, *, step: int, time: float) -> None:
-        """The forces of the last solve on the tools of a contact, in the frame of each. Collective."""
+    def write(self, contact, *, step: int, time: float, share: float) -> None:
+        """``share`` of the forces of the last solve on the tools of a contact, in the frame of each. Collective."""
         arrays = {"time": np.array(time)}
         for tool in (t for t in contact.tools if t.name in self.tools):
-            force = -tool.traction * contact.weights[:, None]
+            force = -share * tool.traction * contact.weights[:, None]
             acting = np.flatnonzero((force != 0).any(axis=1))
             motion = tool.motion
             turned = force[acting] if motion.centre is None else force[acting] @ motion.rotation()

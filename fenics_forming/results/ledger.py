@@ -153,8 +153,9 @@ class PowerLedger:
         given = _given(self.last)
         self._largest = max(self._largest, abs(given))
         self._creeps = stalls or body.rams.between_blows or abs(given) < CREEPING * self._largest
-        self.work += dt * abs(self.last["tools"] if body.inertia is None else given)
-        self.penalty_work += dt * abs(self.last["penalty"])
+        landing = self.last.get("landing", 0.0)
+        self.work += dt * abs(self.last["tools"] + landing if body.inertia is None else given)
+        self.penalty_work += dt * abs(self.last["penalty"] + landing)
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
         scale = max(abs(given), abs(spent), 1e-6 * body.solver.usual_power)   # the last for a body that is only moved
         relative = (given - spent) / scale if scale > 0 else 0.0
@@ -168,8 +169,9 @@ class PowerLedger:
         mean = float(self.penalty_work / self.work) if self.work > 0 else 0.0
         if "inertia" in self.last or self._creeps:
             return mean, mean
-        given = abs(self.last.get("tools", 0.0))
-        return float(abs(self.last["penalty"]) / given if given > 0 else 0.0), mean
+        landing = self.last.get("landing", 0.0)
+        given = abs(self.last.get("tools", 0.0) + landing)
+        return float(abs(self.last["penalty"] + landing) / given if given > 0 else 0.0), mean
 
     def doubts(self, remedy: str) -> list[str]:
         """A sentence where the penalty took too much of the power of the tools."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from time import perf_counter, process_time
 
@@ -21,6 +22,7 @@ from .history import History
 from .results import Results
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
+FACES = 0.7071      # cosine: a tool at rest faces the main tool where no axis at right angles to its way is nearer
 
 class Recorder:
     """Writes what a run leaves behind.
@@ -120,15 +122,16 @@ class Recorder:
         unit = "N_per_mm" if scene.geometry == "plane_strain" else "N"
         row: dict[str, float] = {"step": state.step, "time_s": state.clock, "dt_s": state.dt}
         row |= equipment_columns(run, state.time)
+        acts = body.share_on_the_body()
         for tool in body.tools:
             row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
         for tool in body.tools:
             if tool.motion.centre is not None:
                 way = -1.0 if tool.motion.angular_velocity < 0 else 1.0
-                row[f"torque_{tool.name}_Nmm"] = way * body.contact.torque(tool) * self.bodies.copies()
+                row[f"torque_{tool.name}_Nmm"] = way * acts * body.contact.torque(tool) * self.bodies.copies()
         for deformation in run.deforming:
             row |= deformation.row()
-        row |= self.bodies.contact_forces(unit) | self.bodies.volumes()
+        row |= self.bodies.contact_forces(unit, acts) | self.bodies.volumes()
         row["power_imbalance"] = self.power.imbalance(body, state.dt)
         if self.heat is not None:
             row |= self.heat.row(state.heat, "J_per_mm" if scene.geometry == "plane_strain" else "J")
@@ -157,22 +160,26 @@ class Recorder:
             return 0.0
         tool = next(tool for tool in self.run.body.tools if tool.name == name)
         direction = self._working_direction(tool)
-        return float(self.run.body.contact.force(tool) @ direction) * self.bodies.copies(direction)
+        force = self.run.body.share_on_the_body() * self.run.body.contact.force(tool)
+        return float(force @ direction) * self.bodies.copies(direction)
 
     def _working_direction(self, tool) -> np.ndarray:
         """Direction in which a tool pushes: that of its drive; at rest, or only turning, towards the body as it was at the
-        start. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant."""
+        start, along the way of the main tool where it faces that, else along an axis. In axisymmetry that of a resting tool
+        is the axis, where alone forces have a resultant."""
         drive = self.scene.tools[tool.name].drive
         if drive is not None and drive.direction is not None:
             return np.asarray(drive.direction, float)
         low, high = np.array(self.run.start_extents)
         normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
         axis = int(np.argmax(np.abs(normal)))
+        main = self.scene.counting_tool and self.scene.tools[self.scene.counting_tool].drive.direction
         if self.scene.geometry == "axisymmetric":
-            main = self.scene.counting_tool and self.scene.tools[self.scene.counting_tool].drive.direction
             if axis == 0 and main is not None and main[1] != 0:       # beside the body: it holds back what is pushed
                 normal = -np.asarray(main, float)
             axis = 1
+        elif main is not None and abs(facing := float(normal @ np.asarray(main, float))) > FACES:
+            return np.copysign(1.0, facing) * np.asarray(main, float)
         return np.copysign(1.0, normal[axis]) * np.eye(len(low))[axis]
 
     def _frame(self, state) -> None:
@@ -192,7 +199,8 @@ class Recorder:
         self.fields.write(run.nodes, step=state.step, time=state.clock, point_data=data,
                           cell_data=self.bodies.cell_data())
         if self.contact_forces is not None:
-            self.contact_forces.write(run.body.contact, step=state.step, time=state.clock)
+            self.contact_forces.write(run.body.contact, step=state.step, time=state.clock,
+                                      share=run.body.share_on_the_body())
         if self.tools is not None:
             self.tools.write(step=state.step, time=state.clock)
         if self.tool_heat is not None and state.heat is not None:
@@ -280,6 +288,7 @@ class Recorder:
         return int(self.run.body.workpiece.space.dofmap.index_map.size_global)
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of the package and of what it stands on."""
     from importlib.metadata import PackageNotFoundError, version

@@ -31,3 +31,19 @@ def test_a_flow_that_changes_abruptly_is_not_hardened_by_its_change():
     tie = RateContinuity(np.array([1.0, 1.0, 1.0]), step=0.01)
     np.testing.assert_allclose(tie.factor(np.array([1.0, 1.5, 1000.0])), [1.0, 1.005, 1.0 + MOST_TIED])
     assert MOST_TIED <= 0.05
+
+
+def test_a_resting_die_feels_the_force_of_the_moving_one_in_a_frame_that_is_turned():
+    """A block on an inclined plate, upset at right angles to it: the force of the plate is not its part along an axis."""
+    c, s, corners = np.cos(0.5), np.sin(0.5), ((0, 0), (10, 0), (10, 8), (0, 8))
+    turned = lambda x, y: [c * x - s * y, s * x + c * y]  # noqa: E731
+    plate = lambda y, n, **more: {"shape": {"kind": "plane", "point": turned(0, y), "normal": turned(0, n)},  # noqa: E731
+                                  "friction": laws.Siebel(factor=0.5)} | more
+    results = simulate(Scene(
+        geometry="plane_strain", materials={"steel": {"flow_stress": laws.Constant(value=100)}},
+        workpieces={"block": {"shape": {"kind": "polygon", "points": [turned(x, y) for x, y in corners]},
+                              "material": "steel", "mesh_size": 2}},
+        tools={"plate": plate(0, 1), "ram": plate(8, -1, drive={"kind": "speed", "velocity": turned(0, -1)})},
+        steps={"stroke": 0.4}, stop={"stroke": 1.6}))
+    plate, ram = (results.history.column(f"force_{name}_N_per_mm") for name in ("plate", "ram"))
+    np.testing.assert_allclose(plate, ram, rtol=5e-3, err_msg="the tolerance of forces in a solve is 2e-3")

@@ -28,7 +28,8 @@ class PointState:
 
     gap mm · normal · tool_velocity mm/s · multiplier N/mm² (vector) · friction_stress N/mm² · slip mm/s ·
     pressure N/mm² · active · grip, the share of the friction limit that acts: 1 closed, 0 open, between where a point
-    grazes (any value is admissible at zero pressure) · pace of the grip in an iteration
+    grazes (any value is admissible at zero pressure) · pace of the grip in an iteration · before, whether it was active in
+    the solve before
     """
 
     gap: np.ndarray
@@ -41,12 +42,13 @@ class PointState:
     active: np.ndarray
     grip: np.ndarray
     pace: np.ndarray
+    before: np.ndarray
 
     @classmethod
     def at_rest(cls, count: int, dim: int) -> PointState:
         vector = lambda: np.zeros((count, dim))  # noqa: E731
         return cls(np.full(count, np.inf), vector(), vector(), vector(), vector(), vector(), np.zeros(count),
-                   np.zeros(count, dtype=bool), np.zeros(count), np.ones(count))
+                   np.zeros(count, dtype=bool), np.zeros(count), np.ones(count), np.zeros(count, dtype=bool))
 
 
 def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,

@@ -174,15 +174,17 @@ class RigidContact:
         self.silence()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """What the next solve starts from, tool by tool, (points, 2 + dim): pressure, grip, friction stress."""
-        return {t.name: np.column_stack([t.state.pressure, t.state.grip, t.state.friction_stress]) for t in self.tools}
+        """What the next solve starts from, tool by tool, (points, 3 + dim): pressure, grip, whether the solve before had
+        pressed, friction stress."""
+        return {t.name: np.column_stack([t.state.pressure, t.state.grip, t.state.before, t.state.friction_stress])
+                for t in self.tools}
 
     def resume(self, memory: dict[str, np.ndarray], velocity: np.ndarray) -> None:
         """Take over what :meth:`memory` gave, with the nodal velocities (nodes, dim) of then, on the closest points."""
         for tool in self.tools:
             state, of_tool = tool.state, memory[tool.name]
-            state.pressure, state.grip, state.friction_stress = of_tool[:, 0], of_tool[:, 1], of_tool[:, 2:]
-            state.active = state.pressure > 0
+            state.pressure, state.grip, state.friction_stress = of_tool[:, 0], of_tool[:, 1], of_tool[:, 3:]
+            state.active, state.before = state.pressure > 0, of_tool[:, 2] > 0
             state.slip = law.slip_velocity(state, self.facets.trace(velocity))
             tool.traction = state.pressure[:, None] * state.normal - state.friction_stress
 
@@ -191,7 +193,8 @@ class RigidContact:
         memory = {}
         for tool in self.tools:
             pressure = np.maximum(self.facets.trace(pressures[tool.name]), 0.0) * (tool.state.gap <= reach)
-            memory[tool.name] = np.column_stack([pressure, pressure > 0, np.zeros_like(tool.state.normal)])
+            pressed = pressure > 0
+            memory[tool.name] = np.column_stack([pressure, pressed, pressed, np.zeros_like(tool.state.normal)])
         self.resume(memory, velocity)
 
     def silence(self) -> None:
@@ -244,6 +247,7 @@ class RigidContact:
         self.points = self.facets.trace(positions)
         self.weights = self.facets.weights()
         for tool in self.tools:
+            tool.state.before = tool.state.active.copy()
             tool.state.gap, tool.state.normal = tool.gap(self.points)
             tool.state.tool_velocity = tool.given_velocity = tool.motion.velocity_at(self.points)
             if tool.free is not None:
