@@ -26,6 +26,7 @@ class FlowSolution:
 
 
 CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
+UNBALANCED = 5.0                # of the force tolerance: what the forces on a body may differ by
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ class FlowSolver:
             last_change, force_change = force_change, _relative(force, before)
             left = _left(force_change, last_change)
             settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
-            if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance:
+            if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance and \
+                    self._net_force() <= UNBALANCED * settings.force_tolerance * np.abs(force).max():
                 before_last, beside = beside, contact.gives_way(body.mass.total_per_step()) if renews else 0.0
                 if settings.force_tolerance < beside < 0.5 * before_last:
                     for part in body.contacts:
@@ -283,6 +285,17 @@ class FlowSolver:
         scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
         return power / scale
+
+    def _net_force(self) -> float:
+        """Greatest force on the whole body, N, that the residual of :meth:`_power_imbalance` leaves: along directions in
+        which nothing holds it. A point that rests on a tool has next to no power, whatever force it feels. None where
+        inertia acts, whose momentum has a ledger of its own. Collective."""
+        body = self.workpiece
+        if body.mass is not None and body.mass.properties.inertia:
+            return 0.0
+        held = {condition.component for condition in body.fixed} | set(range(body.kinematics.name == "axisymmetric"))
+        sums = [self.b.array[own[own < body.owned]].sum() for k, own in enumerate(body.velocity_dofs.T) if k not in held]
+        return float(np.abs(total(body.nodes.comm, np.array(sums))).max()) if sums else 0.0
 
     def _linear_solve(self):
         start = perf_counter()

@@ -114,6 +114,9 @@ def heat_warnings(scene):
         yield from (f"contacts.{number}.conductance: has no effect, no temperatures are computed"
                     for number, contact in enumerate(scene.contacts) if contact.conductance is not None)
         return
+    for name, tool in scene.tools.items():
+        if tool.parts and tool.heat_exchange.kind == "coupled":
+            yield f"tools.{name}.heat_exchange: heat stays in the part that it goes into, none is conducted to others"
     for number, contact in enumerate(scene.contacts):
         if set(contact.between) <= set(scene.workpieces) and contact.conductance is None:
             yield f"contacts.{number}.conductance: is not given, no heat goes from one of these workpieces to the other"

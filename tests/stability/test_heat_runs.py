@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from .scenes import DEMOS, run
+from .scenes import DEMOS, run, swept
 from .test_ranks import on_ranks, same
 from .test_resume import goes_on, resumed
 
@@ -251,3 +251,80 @@ def test_heat_alone_of_two_workpieces_goes_on_after_a_break_on_two_ranks(tmp_pat
     again = on_ranks(2, text, tmp_path, *alone, resume=True)
     same(whole.history, again.history, within=1e-10)
     assert whole.history.column("heat_through_core_sleeve_J")[-1] > 0
+
+
+EXPANDING = """
+geometry = "axisymmetric"
+[materials.steel]
+flow_stress = { law = "constant", value = 20 }
+density = "7500 kg/m^3"
+conductivity = "28 W/m/K"
+specific_heat = "650 J/kg/K"
+[materials.die]
+density = "7800 kg/m^3"
+conductivity = "30 W/m/K"
+specific_heat = "500 J/kg/K"
+young = "210 GPa"
+poisson = 0.3
+expansion = 1.2e-5
+[workpieces.billet]
+shape = { kind = "rectangle", from = [0, 0], to = [10, 10] }
+symmetry = ["z"]
+material = "steel"
+temperature = 1150
+mesh_size = 3
+[tools.upper]
+shape = { kind = "rectangle", from = [0, 10], to = [20, 30] }
+material = "die"
+mesh_size = { contact = 1.5, far = 6 }
+held = { z_high = "z" }
+drive = { kind = "speed", velocity = [0, -1] }
+heat_exchange = { kind = "coupled", temperature = 250, coefficient = 10 }
+[steps]
+stroke = 0.05
+[stop]
+stroke = 0.6
+"""
+YIELDS = ("materials.die.yield_stress=100", "materials.die.hardening=2000")
+IN_PARTS = ("tools.upper.parts={ core = { shape = { kind = 'rectangle', from = [0, 10], to = [12, 30] }, material = 'die', "
+            "mesh_size = { contact = 1.5, far = 6 }, held = { z_high = 'z' } }, ring = { shape = { kind = 'rectangle', "
+            "from = [12, 10], to = [20, 30] }, material = 'die', mesh_size = { contact = 3, far = 6 }, "
+            "held = { z_high = 'z' } } }", "contacts=[{ between = ['core', 'ring'], interference = 0.01 }]")
+KINDS = {"elastic": (), "yielding": YIELDS, "assembled": IN_PARTS, "separate": ("process.tool_deformation='separate'",),
+         "coupled": ("process.tool_deformation='coupled'",)}
+
+
+def expanding(kind):
+    """The scene with a die of this kind."""
+    if kind != "assembled":
+        return EXPANDING
+    return EXPANDING.replace('held = { z_high = "z" }\ndrive', "drive").replace(
+        'material = "die"\nmesh_size = { contact = 1.5, far = 6 }\n', "").replace(
+        "temperature = 250, c", "material = 'die', temperature = 250, c")
+
+
+@pytest.mark.parametrize("kind", swept(["yielding"], [kind for kind in KINDS if kind != "yielding"]))
+def test_a_die_that_expands_goes_on_after_a_break(kind, tmp_path):
+    """Temperatures, expansion and stresses are those of the whole run, whatever the die is made of."""
+    whole = run(expanding(kind), tmp_path / "whole", *KINDS[kind]).results
+    again = resumed(expanding(kind), tmp_path, "stop.stroke=0.3", *KINDS[kind])
+    same(whole.history, again.history)
+    stressed(whole, again)
+
+
+@pytest.mark.mpi
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["yielding", "assembled"])
+def test_a_die_expands_alike_on_two_ranks(kind, tmp_path):
+    one = run(expanding(kind), tmp_path / "one", *KINDS[kind], "stop.stroke=0.3").results
+    two = on_ranks(2, expanding(kind), tmp_path / "two", *KINDS[kind], "stop.stroke=0.3")
+    same(one.history, two.history)
+    stressed(one, two)
+
+
+def stressed(one, other):
+    """The same stresses, beyond what contact alone makes: expansion that is held back."""
+    for part, values in one.summary["tools"]["upper"].items():
+        if isinstance(values, dict) and "largest_von_mises_MPa" in values:
+            assert other.summary["tools"]["upper"][part]["largest_von_mises_MPa"] == \
+                pytest.approx(values["largest_von_mises_MPa"], rel=1e-7) != pytest.approx(0, abs=100)

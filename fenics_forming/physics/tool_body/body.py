@@ -219,6 +219,12 @@ class ToolBody:
             self.heating = Heating(self)
         self.heating.set_temperature(temperature, stress_free)
 
+    def set_thermal_strain(self, strain: np.ndarray) -> None:
+        """Thermal strains (p,) of now and of the next solve."""
+        if self.heating is None:
+            self.heating = Heating(self)
+        self.heating.strain = self.heating.wanted = strain
+
     # ------------------------------------------------------------------ fields
     def nodal(self, function: fem.Function | None = None) -> np.ndarray:
         """Nodal values (nodes, dim) of a function of the space, without one of the displacement, mm (a copy)."""

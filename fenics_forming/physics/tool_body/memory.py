@@ -58,8 +58,9 @@ def remember(solver, memory: ToolMemory) -> None:
     solver._balanced = _vector(body, memory.nodal["balanced"])
     solver._accepted = body.displacement.x.array.copy()
     solver.bulk.remember(memory.cellwise, memory.numbers["flows"])
-    if body.heating is not None and "heat" in memory.cellwise:
+    if "heat" in memory.cellwise:
         solver._accepted_heat = memory.cellwise["heat"].ravel()
+        body.set_thermal_strain(solver._accepted_heat)
     contacts, first = getattr(solver, "contacts", ()), body.nodes.comm.rank == 0
     for k, (contact, corners, works) in enumerate(zip(contacts, memory.between, memory.numbers["works"], strict=True)):
         paired = memory.nodal.get(f"paired {k}")
