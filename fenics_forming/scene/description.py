@@ -128,7 +128,8 @@ class Tool(Solid, RigidTool):
 
     Parameters
     ----------
-    shape : a tool shape; may be left out of an assembled tool. drive : how it moves; at rest without.
+    shape : a tool shape; may be left out of an assembled tool whose parts lie side by side in the plane.
+    drive : how it moves; at rest without.
     friction : on its surface, none if not given. symmetry : axes; the low face of a closed shape on each is a mirror plane.
     heat_exchange : with the workpiece, none if not given.
     parts : tables by name with the keys of `Part`, for an assembled tool. stress_state : "plane_stress" instead of plane
@@ -274,6 +275,19 @@ class Scene(Described):
             except PydanticCustomError as error:
                 raise at_key("stop.force", error.message(), force) from None
         return values
+
+    @model_validator(mode="after")
+    def _assembled_tools_have_outlines(self):
+        """What workpieces meet of an assembled tool without a shape: the outline around its parts."""
+        if self.workpieces and any(tool.parts and tool.shape is None for tool in self.tools.values()):
+            from .joined import joined
+
+            tools = dict(self.tools)
+            for name, tool in tools.items():
+                around = joined([part.shape for part in tool.parts.values()]) if tool.shape is None else None
+                tools[name] = tool if around is None else tool.replaced(shape=around)
+            self.__dict__["tools"] = Named(tools)
+        return self
 
     @model_validator(mode="after")
     def _schemes_agree(self):

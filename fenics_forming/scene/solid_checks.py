@@ -63,7 +63,8 @@ def _tool_problems(scene, name, tool):
     if scene.is_tools_alone:
         return
     if tool.shape is None:
-        yield SceneError("is missing; workpieces meet the surface of an assembled tool as one shape", key=f"{key}.shape",
+        yield SceneError("is missing; workpieces meet an assembled tool as one shape, and its parts have no common "
+                         "outline: they leave gaps, overlap, or are bodies in space", key=f"{key}.shape",
                          allowed="a tool shape")
 
 
