@@ -156,14 +156,17 @@ class BodyHeat:
 
     def continues(self, other: BodyHeat, before: dict[str, np.ndarray], history: dict[str, np.ndarray]
                   ) -> tuple[dict[str, np.ndarray], float]:
-        """Go on from the heat problem of another mesh: the same mass, and the same heat. The history, its temperatures
-        corrected within their own bounds, and the relative change of the heat that is left. Collective.
+        """Go on from the heat problem of another mesh: the same mass, and the same heat, of every body. The history, its
+        temperatures corrected within their own bounds, and the relative change of the heat that is left. Collective.
 
         before, history : with the temperatures on the other mesh and on this one
         """
-        self.field.keep_mass_of(other.field)
-        content = other.field.content(before["temperature"])
-        corrected = self.field.with_content(history["temperature"], content)
+        content, corrected = other.field.content(before["temperature"]), history["temperature"]
+        for k in range(1 if self.parts is None else len(self.parts.names)):
+            theirs, mine = (True if heat.parts is None else heat.parts.of_node == k for heat in (other, self))
+            self.field.keep_mass_of(other.field, theirs, mine)
+            own = other.field.content(np.where(theirs, before["temperature"], 0.0))
+            corrected = self.field.with_content(corrected, own, mine)
         self.seconds = other.seconds
         return history | {"temperature": corrected}, self.field.content(corrected) / content - 1.0
 

@@ -328,3 +328,15 @@ def stressed(one, other):
         if isinstance(values, dict) and "largest_von_mises_MPa" in values:
             assert other.summary["tools"]["upper"][part]["largest_von_mises_MPa"] == \
                 pytest.approx(values["largest_von_mises_MPa"], rel=1e-7) != pytest.approx(0, abs=100)
+
+
+def test_new_meshes_of_two_workpieces_hold_the_heat_of_each(tmp_path):
+    """The hot core is meshed anew, then the colder sleeve: neither gets what the other has."""
+    once = run(TWO, tmp_path / "once", "stop.stroke=0.8").results
+    more = run(TWO, tmp_path, "stop.stroke=0.8", "workpieces.core.remesh={ every = 2 }",
+               "workpieces.sleeve.remesh={ every = 3 }").results
+    changes = [record["conservation"]["heat"] for record in more.summary["remeshed"]]
+    assert len(changes) >= 2 and np.abs(changes).max() < 1e-10
+    assert np.abs(more.history.column("heat_imbalance")).max() < 1e-8
+    for column in ("heat_through_core_sleeve_J", "force_upper_N", "min_temperature_core_degC"):
+        assert more.history.column(column)[-1] == pytest.approx(once.history.column(column)[-1], rel=0.01), column

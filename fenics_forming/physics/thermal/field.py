@@ -107,28 +107,31 @@ class HeatField:
         return np.flatnonzero(self.nodes.is_vertex[: self.nodes.mesh.geometry.index_map().size_local])
 
     # ------------------------------------------------------------------ from mesh to mesh
-    def keep_mass_of(self, other: HeatField) -> None:
-        """Scale the capacities so that the body weighs what it did on its mesh before. Collective."""
-        self.capacity *= other.total(other.capacity) / self.total(self.capacity)
+    def keep_mass_of(self, other: HeatField, theirs: np.ndarray | bool = True, mine: np.ndarray | bool = True) -> None:
+        """Scale the capacities so that a body weighs what it did on its mesh before; of several the nodes of one, (nodes,)
+        of bool there and here. Collective."""
+        ratio = other.total(other.capacity * theirs) / self.total(self.capacity * mine)
+        self.capacity = np.where(mine, ratio * self.capacity, self.capacity)
 
-    def with_content(self, temperature: np.ndarray, content: float) -> np.ndarray:
+    def with_content(self, temperature: np.ndarray, content: float, mine: np.ndarray | bool = True) -> np.ndarray:
         """The temperatures (nodes,), all higher or lower by the same, as far as their range allows, so that their heat is
-        ``content``, mJ. Collective.
+        ``content``, mJ; of several bodies those of the nodes of one, (nodes,) of bool. Collective.
 
         A few secants find the shift; what is left then, and rounding, is a share of the room that the nodes have.
         """
-        comm, missing = self.nodes.comm, content - self.content(temperature)
-        hot = highest(comm, float(temperature.max(initial=-np.inf)))
-        cold = lowest(comm, float(temperature.min(initial=np.inf)))
-        shift = missing / self.total(self.capacity)
+        comm, stored = self.nodes.comm, lambda values: self.total(np.where(mine, self.capacity * values, 0.0))
+        missing = content - stored(temperature)
+        hot = highest(comm, float(np.where(mine, temperature, -np.inf).max(initial=-np.inf)))
+        cold = lowest(comm, float(np.where(mine, temperature, np.inf).min(initial=np.inf)))
+        shift = missing / stored(np.ones_like(temperature))
         for _ in range(20):
-            shifted = np.clip(temperature + shift, cold, hot)
-            got = self.content(shifted - temperature)
+            shifted = np.where(mine, np.clip(temperature + shift, cold, hot), temperature)
+            got = stored(shifted - temperature)
             if got == 0.0 or abs(got - missing) < 1e-6 * abs(missing) or abs(shift) > hot - cold:
                 break
             shift *= missing / got
-        missing, towards = content - self.content(shifted), (hot if missing > 0 else cold) - shifted
-        room = self.content(towards)
+        missing, towards = content - stored(shifted), np.where(mine, (hot if missing > 0 else cold) - shifted, 0.0)
+        room = stored(towards)
         return shifted if room == 0 else shifted + min(missing / room, 1.0) * towards
 
     # ------------------------------------------------------------------ on rank 0
