@@ -22,23 +22,34 @@ def global_dofs(body: ToolBody, nodes: np.ndarray) -> np.ndarray:
     return blocks[:, None] * dim + np.arange(dim)
 
 
-def compliance(body: ToolBody, direct: DirectSolver, dofs: np.ndarray) -> np.ndarray:
+def compliance(body: ToolBody, direct: DirectSolver, dofs: np.ndarray,
+               known: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
     """Displacements, mm, at ``dofs`` (k,) (global numbers, the same on all ranks) under unit forces at each of them: (k, k)
     on every rank, mm/N. Rows and columns of held displacements are zero. Collective.
+
+    known : rising dofs (l,) and their compliance (l, l), which is taken over
     """
     first = body.space.dofmap.index_map.local_range[0] * body.nodes.dim
     held = np.zeros(body.owned, dtype=bool)
     held[body.fixed_dofs[body.fixed_dofs < body.owned]] = True
     local = dofs - first
     mine = np.flatnonzero((local >= 0) & (local < body.owned))
-    out = np.zeros((len(dofs), len(dofs)))
-    for start in range(0, len(dofs), BLOCK):
-        columns = np.arange(start, min(start + BLOCK, len(dofs)))
+    old = np.zeros(len(dofs), bool) if known is None else np.isin(dofs, known[0])
+    wanted = np.flatnonzero(~old)
+    found = np.zeros((len(dofs), len(wanted)))
+    for start in range(0, len(wanted), BLOCK):
+        columns = wanted[start:start + BLOCK]
         unit = np.zeros((body.owned, len(columns)), order="F")
-        here = mine[(mine >= start) & (mine <= columns[-1])]
-        unit[local[here], here - start] = ~held[local[here]]
-        found = direct.solve_columns(unit)
-        out[np.ix_(mine, columns)] = found[local[mine]]
+        here = np.flatnonzero(np.isin(columns, mine))
+        unit[local[columns[here]], here] = ~held[local[columns[here]]]
+        answers = direct.solve_columns(unit)
+        found[mine, start:start + len(columns)] = answers[local[mine]]
     if body.nodes.comm.size > 1:
-        body.nodes.comm.Allreduce(MPI.IN_PLACE, out, MPI.SUM)
+        body.nodes.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    out = np.zeros((len(dofs), len(dofs)))
+    out[:, wanted] = found
+    if old.any():
+        at = np.searchsorted(known[0], dofs[old])
+        out[np.ix_(old, old)] = known[1][np.ix_(at, at)]
+        out[np.ix_(wanted, old)] = out[np.ix_(old, wanted)].T
     return 0.5 * (out + out.T)

@@ -118,6 +118,7 @@ class ElasticSolver:
         self.force = body.new_vector()
         self.seconds = {"solve": 0.0}
         self._internal = None
+        self._known: tuple[np.ndarray, np.ndarray] | None = None     # dofs, rising, and their compliance
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """The displacement under these loads; the number of linear solves, which is 1.
@@ -143,8 +144,12 @@ class ElasticSolver:
         return 1
 
     def compliance(self, dofs: np.ndarray) -> np.ndarray:
-        """See `compliance.compliance`; it never changes. Collective."""
-        return compliance(self.body, self.factor.direct, dofs)
+        """See `compliance.compliance`; it never changes, so that what was found is kept. Collective."""
+        found = compliance(self.body, self.factor.direct, dofs, self._known)
+        if self._known is None or not np.isin(dofs, self._known[0]).all():
+            order = np.argsort(dofs)
+            self._known = dofs[order], found[np.ix_(order, order)]
+        return found
 
     def point_stress(self) -> np.ndarray:
         """Stresses at the points, (p, c), MPa."""
