@@ -32,8 +32,9 @@ detail, and the parts that a scene may have: new meshes, heat, contact between b
 Every row of a table is a run; its error is that against an exact solution, a converged value, or (strip, rod, block) a
 finer run made here. *Default*: what the package does if the user says no more than the sizes of elements and steps named.
 *Default over fastest*: its CPU time over that of the fastest run in the diagram that is no less exact; up to {front:g}
-counts as on the front. Runs of less than half a second are made twice and the faster counts. Elements are the same
-throughout, quadratic velocities with linear pressures, curved: no other pair is in the package.
+counts as on the front, and errors below 0.1 % as equal. Runs of less than half a second are made twice and the faster
+counts. Elements are the same throughout, quadratic velocities with linear pressures, curved: no other pair is in the
+package.
 
 {precision}
 

@@ -6,7 +6,7 @@ import fenics_forming as ff
 
 from .measuring import Case, Trial
 
-FINEST = (1.5, 6)           # mm, steps: the reference
+FINEST = (1.5, 8)           # mm, steps: the reference
 STROKES = (0.75, 1.5)
 
 
@@ -35,13 +35,14 @@ def off(results):
 
 def trials():
     best()
-    made = [Trial(f"implicit, {n} steps", f"{mesh:g} mm", lambda m=mesh, n=n: off(upset(m, n)), (mesh, n) == (2.5, 3))
-            for n in (2, 3, 6) for mesh in (5.0, 3.5, 2.5, 2.0)]
-    made += [Trial("explicit, 6 steps", f"{mesh:g} mm", lambda m=mesh: off(upset(m, 6, "explicit"))) for mesh in (5.0, 2.5)]
-    made += [Trial("etd2, 3 steps", f"{mesh:g} mm", lambda m=mesh: off(upset(m, 3, "etd2"))) for mesh in (5.0, 2.5)]
-    return made + [Trial(f"3 steps, {linear}", f"{mesh:g} mm", lambda m=mesh, k=linear: off(upset(m, 3, linear=k)))
+    made = [Trial(f"implicit, {n} steps", f"{mesh:g} mm", lambda m=mesh, n=n: off(upset(m, n)), (mesh, n) == (2.5, 4))
+            for n in (2, 4, 8) for mesh in (5.0, 3.5, 2.5, 2.0)]
+    made += [Trial("explicit, 4 steps", f"{mesh:g} mm", lambda m=mesh: off(upset(m, 4, "explicit"))) for mesh in (5.0, 2.5)]
+    made += [Trial("etd2, 4 steps", f"{mesh:g} mm", lambda m=mesh: off(upset(m, 4, "etd2"))) for mesh in (5.0, 2.5)]
+    return made + [Trial(f"4 steps, {linear}", f"{mesh:g} mm", lambda m=mesh, k=linear: off(upset(m, 4, linear=k)))
                    for linear in ("direct", "iterative") for mesh in (3.5, 2.5)]
 
 
 CASE = Case("block", "Cube between sticking plates, 10 %, in space", "the force", "unknowns", trials,
-            "The mesh is what counts: three steps are as good as six.")
+            "The mesh is what counts: two steps are as good as eight. The iterative solver, which is taken by itself, needs a "
+            "third of the time of the direct one.")

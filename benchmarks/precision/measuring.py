@@ -15,6 +15,7 @@ import fenics_forming as ff
 FOLDER = Path(__file__).parent
 COLUMNS = ("case", "series", "setup", "is_default", "unknowns", "steps", "cpu_s", "error", "on_front")
 SHORT, LONG = 0.5, 2.0      # CPU seconds; runs below the first are made twice, the faster counts; above the second never
+FLOOR = 1e-3        # errors below this count as equal: few references are known better
 FRONT = 1.5         # a default may take so many times the fastest run that is no less exact: noise, and what is not tried
 
 
@@ -78,7 +79,8 @@ def _timed(trial: Trial, again: bool):
 
 def fastest(rows: list[dict], than: dict) -> dict:
     """The fastest run of the same family that is no less exact."""
-    return min((row for row in rows if row["family"] == than["family"] and row.get("error", float("inf")) <= than["error"]),
+    error = max(than["error"], FLOOR)
+    return min((row for row in rows if row["family"] == than["family"] and row.get("error", float("inf")) <= error),
                key=lambda row: row["cpu_s"])
 
 

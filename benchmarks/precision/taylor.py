@@ -45,4 +45,5 @@ def trials():
 
 
 CASE = Case("taylor", "Copper rod against a wall at 227 m/s", "length and foot", "steps", trials,
-            "The steps count until some 120; then the foot, which is as wide as its elements let it be.")
+            "The volume is given back at every step, so the explicit scheme is as exact here as the implicit one and a "
+            "quarter cheaper; etd2 is not.")
