@@ -44,5 +44,5 @@ def trials():
 
 
 CASE = Case("block", "Cube between sticking plates, 10 %, in space", "the force", "unknowns", trials,
-            "The mesh is what counts: two steps are as good as eight. The iterative solver, which is taken by itself, needs a "
+            "The mesh is what counts: two steps are as good as eight. The iterative solver, taken by itself, needs a "
             "third of the time of the direct one.")
