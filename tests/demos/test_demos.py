@@ -20,6 +20,7 @@ from demos import (
     hammer_forging,
     hot_forging,
     ring_compression,
+    ring_rolling_3d,
     ring_rolling_rotation,
     riveting,
     spike_forging_3d,
@@ -243,3 +244,13 @@ def test_the_spike_in_space_is_the_one_about_the_axis(tmp_path, capsys):
     assert "tip of the spike" in capsys.readouterr().out
     assert (tmp_path / "spike.png").stat().st_size > 10_000
     assert runs["space"].summary["linear_solver"]["kind"] == "iterative"
+
+
+@pytest.mark.long
+def test_the_ring_between_its_rolls_turns_with_the_main_roll_and_takes_the_gap(tmp_path, capsys):
+    results = ring_rolling_3d.main(coarse=True, out=tmp_path)
+    assert (tmp_path / "ring_rolling_3d.png").stat().st_size > 10_000
+    assert "thinnest place of the wall" in capsys.readouterr().out
+    # the ring is pulled in: it bears on the guide roll behind the gap less than on the one before it
+    last = results.history.rows[-1]
+    assert last["force_left_N"] < last["force_right_N"] < 0.1 * last["force_main_N"]
