@@ -90,18 +90,18 @@ class MeshKeeper:
         """
         numbers, remembered = scheme.memory()
         made = self._made(body, _carried(body, history, flow, remembered))
-        before = [(tool.state, tool.traction) for tool in body.tools]
+        pressed = [(tool.state, tool.traction) for tool in body.tools]
         forces = _forces(body)
         try:
             new = self._body_on(made, body)
             local = _scattered(new, made)
-            before, history, conserved = history, {name: local[f"history.{name}"] for name in history}, made.conservation
+            old, history, conserved = history, {name: local[f"history.{name}"] for name in history}, made.conservation
             if new.heat is not None:
-                history, change = new.heat.continues(body.heat, before, history)
+                history, change = new.heat.continues(body.heat, old, history)
                 conserved = conserved | {"heat": change}
             flow = _flow(new, body, history, local, time, dt, scheme.look_ahead)
         except (MeshError, ConvergenceError):
-            for tool, (state, traction) in zip(body.tools, before, strict=True):
+            for tool, (state, traction) in zip(body.tools, pressed, strict=True):
                 tool.state, tool.traction = state, traction
             raise
         scheme.remember(numbers, {name: local[f"scheme.{name}"] for name in remembered})

@@ -16,7 +16,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming.laws.flow_stress import FlowStress
-from fenics_forming.process import remeshing
+from fenics_forming.process import mesh_keeper, remeshing
 from fenics_forming.process.mesh_keeper import MeshKeeper
 from fenics_forming.results import Results, ResultsError
 from fenics_forming.simulation import simulation_of
@@ -160,3 +160,22 @@ def test_a_new_mesh_on_which_nothing_flows_is_given_back(tmp_path, monkeypatch):
     outcome = run(BLOCK, tmp_path, "workpieces.block.remesh={ every = 2 }")
     assert outcome.failure is None and outcome.last["stroke_upper_mm"] == pytest.approx(0.5)
     assert len(tried) > 1
+
+
+def test_a_warm_body_keeps_its_mesh_where_nothing_flows_on_the_new_one(tmp_path, monkeypatch):
+    """A random process found it: temperatures had taken the place of the pressures that were to be restored."""
+    carry_on = mesh_keeper._flow
+    tried = []
+
+    def fails_once(*args):
+        tried.append(1)
+        if len(tried) == 1:
+            raise ff.ConvergenceError("the new mesh does not flow", advice="try another")
+        return carry_on(*args)
+
+    monkeypatch.setattr(mesh_keeper, "_flow", fails_once)
+    warm = ("materials.lead.density='11300 kg/m^3'", "materials.lead.conductivity='35 W/m/K'",
+            "materials.lead.specific_heat='130 J/kg/K'", "workpieces.block.temperature=20", "process.heat=true")
+    outcome = run(BLOCK, tmp_path, "workpieces.block.remesh={ every = 3 }", *warm)
+    assert outcome.failure is None and outcome.last["stroke_upper_mm"] == pytest.approx(0.5) and len(tried) > 1
+    assert any("the new mesh does not flow" in text for text in outcome.heard.notes)
