@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from demos import ring_rolling_rotation
 from fenics_forming import meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.process.integration import Etd2, Explicit, Midpoint, Rotation, Trapezoid
@@ -336,3 +337,11 @@ def test_the_strain_gathers_with_the_order_of_the_scheme(name):
         assert np.ptp(strain) < 1e-12
         errors.append(strain[0] - np.log(2))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15), errors
+
+
+def test_a_rolled_ring_grows_by_its_volume(verified):
+    """REFERENCES.md 12.3, over six revolutions in steps of 5 degrees with the scheme that turns exactly."""
+    run = ring_rolling_rotation.roll(ring_rolling_rotation.SCHEMES["rotation"](), 20.0)
+    for wall, diameters in ring_rolling_rotation.WALLS.items():
+        verified("12.3", f"ring at a wall of {wall:g} mm", run.at_wall(wall), diameters, within=5e-3, unit="mm",
+                 at=("outer diameter", "inner diameter"))
