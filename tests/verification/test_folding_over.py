@@ -140,14 +140,18 @@ def test_a_cylinder_upset_by_seventy_per_cent(factor):
 
 
 # ---------------------------------------------------------------------- 3.3 billet
-@pytest.mark.parametrize(("changes", "jump", "within"), [
-    ((), 0.015, 0.015),                            # 1 mm, steps of 0.25 mm: at the end 5 % of the height
-    pytest.param(("workpieces.billet.mesh_size=0.7", "steps.stroke=0.1"), 0.005, 0.012, marks=pytest.mark.long)])
-def test_the_sticking_billet_to_seventy_per_cent(changes, jump, within):
-    """Forces of the rigid-plastic solution of 3.3 within 1 %, and what folding over side by side adds."""
+@pytest.mark.parametrize(("changes", "within"), [
+    ((), 0.015),                            # 1 mm, steps of 0.25 mm: at the end 5 % of the height
+    (("workpieces.billet.mesh_size=1.2",), 0.015),
+    pytest.param(("workpieces.billet.mesh_size=0.7", "steps.stroke=0.1"), 0.012, marks=pytest.mark.long)])
+def test_the_sticking_billet_to_seventy_per_cent(changes, within):
+    """Forces of the rigid-plastic solution of 3.3 within 1 %, and what folding over side by side adds.
+
+    No new mesh changes the force by more than the 0.5 % that issue 3 allows.
+    """
     run = Run(read_scene(BILLET, set=["workpieces.billet.remesh=true", "stop.stroke=10.5", *changes]))
     assert not run.failed() and len(run.jumps) > 3
-    assert np.abs(run.jumps).max() < jump
+    assert np.abs(run.jumps).max() < 0.005
     for reduction, force in zip((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), (261.6, 307.5, 366, 450, 588, 865), strict=True):
         assert run.at(15 * reduction)[0] == pytest.approx(force, rel=within)
     _, contact, _, equator = run.at(9.0)[1]
