@@ -63,6 +63,15 @@ class Rams:
                 ram.arrive(time, 0.0 if tool.free is None else _stored(tool.free, tool.free.at(time)) -
                            _stored(tool.free, tool.free.displacement))
 
+    def stored(self, tools: list) -> dict[str, float]:
+        """Elastic energy now, mJ, of the modelled part of what yields, by the tools with rams."""
+        return {t.name: _stored(t.free, t.free.displacement) for t in tools if t.name in self.by_tool and t.free is not None}
+
+    def rebook(self, tools: list, before: dict[str, float]) -> None:
+        """Tools that are solved after a step have yielded since their energies were those ``before``."""
+        for name, stored in self.stored(tools).items():
+            self.by_tool[name].rebook(stored - before[name])
+
     @property
     def time_left(self) -> float:
         """Length, s, that the last step should have had because it took more energy than was left; else inf."""
@@ -236,6 +245,15 @@ class Ram:
             now.next = time + self.drive.pause if now.blow < len(self.drive.energies) else inf
             if now.next == time:
                 self._strike(time)
+
+    def rebook(self, stored: float) -> None:
+        """Energy, mJ, of the modelled part, that the frame has and the body, to which it went in the step, has not."""
+        now, stored = self._now, stored * self._copies
+        if now.next is not None and stored < 0:
+            now.lost -= stored
+        else:
+            now.work -= stored
+        now.stored += stored
 
     def _strike(self, time: float) -> None:
         """The next blow begins."""

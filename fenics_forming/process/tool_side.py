@@ -61,7 +61,9 @@ class ToolSide:
             if tool.deformation is not None and tool.deformation.carries_the_surface:
                 on = self._pressed_nodes().get(tool.name, np.zeros(len(self.x), bool))[self.boundary]
                 carried[tool.name] = self.boundary[on & (tool.gap(self.x[self.boundary])[0] <= self.reach)]
+        stored = self.rams.stored(self.tools)
         changed = [t.name for t in self.tools if t.deformation is not None and t.deformation.end(self, time)]
+        self.rams.rebook(self.tools, stored)
         if not changed:
             return 0.0
         self.move_tools(time)

@@ -262,6 +262,30 @@ stroke = "0.08 mm"
 """
 
 
+def test_two_elastic_dies_press_a_whole_strip_as_one_does_its_half(tmp_path):
+    """Both dies at once, against the upper half with a mirror plane: force and deflection of each, to the difference of
+    the meshes, 1e-3; both forces are equal to rounding. A lower die a third as stiff takes three times the deflection."""
+    half, heard = forming(tmp_path, "workpieces.strip.mesh_size='0.55 mm'", "steps.stroke=0.02")
+    lower = STRIP[STRIP.index("[tools.upper]"):STRIP.index("[steps]")].replace("upper", "lower").replace("y_high", "y_low")
+    lower = lower.replace("from = [0, 1.1], to = [250, 251.1]", "from = [0, -251.1], to = [250, -1.1]")
+    lower = "\n".join(line for line in lower.splitlines() if not line.startswith("drive")) + "\n"
+    two = STRIP.replace('from = [0, 0], to = [18.85, 1.1]', 'from = [0, -1.1], to = [18.85, 1.1]')
+    two = two.replace('symmetry = ["x", "y"]', 'symmetry = ["x"]').replace("[steps]", lower + "[steps]")
+    changes = ("workpieces.strip.mesh_size='0.55 mm'", "steps.stroke=0.04", "stop.stroke=0.48")
+    whole, said = forming(tmp_path, *changes, text=two)
+    one, both = heard.rows[-1], said.rows[-1]
+    for name in ("upper", "lower"):
+        assert both[f"force_{name}_N_per_mm"] == pytest.approx(one["force_upper_N_per_mm"], rel=2e-3)
+        assert both[f"deflection_{name}_mm"] == pytest.approx(one["deflection_upper_mm"], rel=2e-3)
+    assert both["force_lower_N_per_mm"] == pytest.approx(both["force_upper_N_per_mm"], rel=1e-4)
+    soft = "[materials.soft]\nyoung = '70 GPa'\npoisson = 0.3\n[workpieces.strip]"
+    text = two.replace("[workpieces.strip]", soft)
+    at = text.index("[tools.lower]")
+    text = text[:at] + text[at:].replace("die_steel", "soft")
+    row = forming(tmp_path, *changes, text=text)[1].rows[-1]
+    assert row["deflection_lower_mm"] == pytest.approx(3 * row["deflection_upper_mm"], rel=0.05)
+
+
 def test_a_die_in_space_yields_by_the_pressure_over_its_depth(tmp_path):
     """A block of 10 x 8 mm on a die 20 mm deep: the deflection lies between that of a column of its own section,
     F l / (E A), and that of one as wide as the die."""
