@@ -29,6 +29,7 @@ UNLIKE = 0.3, 0.9    # relative difference of two half steps, up to which all of
 SLOWER = 0.7         # in a step at most: the speed to which regularisation and penalty are relative
 ROUNDING = 1e-9      # of a speed: a tool that closes in more slowly moves along with the body
 SLOWEST = 1e-3       # of the greatest speed so far
+STILL = 1e-12        # of the same: a body without weight that is slower everywhere has come to rest
 GIVEN = ("tools", "weight")
 TAKEN = ("plastic", "friction", "penalty", "first impact", "stepping", "remeshing")
 
@@ -84,7 +85,7 @@ class Inertia:
     def moves(self) -> bool:
         """Whether the body moves by itself: by its weight, or because it did so before. Collective."""
         fastest = highest(self.mass.nodes.comm, float(np.abs(self.velocity).max(initial=0.0)))
-        return self.mass.properties.weight or fastest > 0.0
+        return self.mass.properties.weight or fastest > STILL * self._greatest
 
     # ------------------------------------------------------------------ a solve
     def starts_freely(self, body, dt: float) -> bool:

@@ -130,7 +130,7 @@ class PowerLedger:
     def __init__(self):
         self.last: dict[str, float] = {}
         self.worst = 0.0
-        self.work = self.penalty_work = self._largest = 0.0
+        self.work = self.tool_work = self.penalty_work = self._largest = 0.0
         self._creeps = False
 
     def memory(self) -> dict:
@@ -155,6 +155,7 @@ class PowerLedger:
         self._creeps = stalls or body.rams.between_blows or abs(given) < CREEPING * self._largest
         landing = self.last.get("landing", 0.0)
         self.work += dt * abs(self.last["tools"] + landing if body.inertia is None else given)
+        self.tool_work += dt * abs(self.last["tools"])
         self.penalty_work += dt * abs(self.last["penalty"] + landing)
         spent = self.last["plastic"] + self.last["friction"] + self.last["penalty"]
         scale = max(abs(given), abs(spent), 1e-6 * body.solver.usual_power)   # the last for a body that is only moved
@@ -178,6 +179,9 @@ class PowerLedger:
         share = max(self.penalty_shares())
         if share <= MOST_PENALTY:
             return []
+        if self.tool_work == 0.0:       # nothing but its own motion: it lands, and nothing throws it back
+            return [f"penalty and landing points take {100 * share:.1f} % of the energy that the body brings, as where it "
+                    f"lands without rebound; if it should deform instead: {remedy}"]
         return [f"penalty and landing points take {100 * share:.1f} % of the tool power: {remedy}"]
 
     def summary(self) -> dict:

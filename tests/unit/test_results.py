@@ -34,6 +34,7 @@ from fenics_forming.results import (
     save_checkpoint,
     write_summary,
 )
+from fenics_forming.results.ledger import PowerLedger
 from fenics_forming.results.outlines import flipped, tool_outlines
 from fenics_forming.results.skin import Skin
 
@@ -614,3 +615,12 @@ def test_a_body_in_space_is_drawn_off_screen(tmp_path):
     assert picture.shape == (900, 1200, 3) and (tmp_path / "p.png").exists()
     middle = picture[300:600, 450:750].reshape(-1, 3)
     assert len(np.unique(middle, axis=0)) > 20  # the body is there, in several colours
+
+
+def test_a_body_that_lands_without_rebound_is_told_from_a_tool_whose_power_the_penalty_takes():
+    """Where nothing but its own motion moves the body, what the penalty takes is the impact, not an error of a force."""
+    ledger = PowerLedger()
+    ledger.last, ledger.work, ledger.penalty_work = {"inertia": 0.0, "penalty": 0.0}, 1.0, 0.9
+    assert "lands without rebound" in ledger.doubts("smaller steps")[0]
+    ledger.tool_work = 1.0
+    assert "90.0 % of the tool power" in ledger.doubts("smaller steps")[0]
