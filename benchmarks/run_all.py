@@ -63,7 +63,7 @@ new mesh. *Largest jump*: of the die force at one and the same instant, before a
 ## Dies that take heat
 
 The hot billet of `demos/hot_forging.py` to 24 mm, elements of 0.5 mm at the dies; runs differ in the upper die. *Heat*:
-wall time of all that belongs to heat. A column stands for the finest temperature field within about one per cent of the
+wall time of all that belongs to heat. A column stands for the finest temperature field within 0.2 % of the
 heat, at a fraction of its time; elements of 1 mm in the die are too thick for what heat goes deep in 70 ms.
 
 {heat}
