@@ -25,7 +25,8 @@ what else it does: compare rows with one another, not with another machine.
 The page has, in this order: what accuracy costs in ten cases (`precision/`: a table and a picture each), the billet in more
 detail, and the parts that a scene may have: new meshes, heat, contact between bodies, dies that deform, surfaces of tools.
 [PEERS.md](PEERS.md) compares with CalculiX in the same way (`make peers`, on the host, where it is installed);
-`solver3d.py` and `shifting.py` are run by themselves.
+[PROFILE.md](PROFILE.md) says where the time goes and what was tried to make it less; `profiling.py`, `solver3d.py` and
+`shifting.py` are run by themselves.
 
 ## What accuracy costs
 

@@ -3,7 +3,7 @@
 Shares of one run, of one process; a run on the coarsest mesh before compiles the forms. What was tried to make them
 smaller, and what it gave, is in ``PROFILE.md``.
 
-    python3 benchmarks/profile.py
+    python3 benchmarks/profiling.py
 """
 
 from __future__ import annotations
