@@ -65,7 +65,8 @@ class Rams:
 
     def stored(self, tools: list) -> dict[str, float]:
         """Elastic energy now, mJ, of the modelled part of what yields, by the tools with rams."""
-        return {t.name: _stored(t.free, t.free.displacement) for t in tools if t.name in self.by_tool and t.free is not None}
+        return {tool.name: _stored(tool.free, tool.free.displacement) for tool in tools
+                if tool.name in self.by_tool and tool.free is not None}
 
     def rebook(self, tools: list, before: dict[str, float]) -> None:
         """Tools that are solved after a step have yielded since their energies were those ``before``."""
