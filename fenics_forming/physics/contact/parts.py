@@ -11,10 +11,12 @@ from ..parallel import highest, lowest, total
 from . import point_law as law
 from .bodies import BodyContact
 from .holding import Hold, augmented, held_places, hold
+from .slave_points import SlavePoints
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
 SLIDE = 0.1          # of the smallest side: parts that have slid farther since they were paired meet other sides
+TURNED = 2e-3        # mean turn of a surface, radian, up to which pairs are found anew: so far off is a coefficient then
 
 
 class PartContactField(BodyContact):
@@ -91,6 +93,20 @@ class PartContactField(BodyContact):
         slid = np.linalg.norm(way - normal[:, None] * self.state.normal, axis=1)[self.state.active]
         return highest(self.nodes.comm, float(slid.max(initial=0.0))) > SLIDE * self.smallest_side
 
+    def has_turned(self, displacement: np.ndarray) -> bool:
+        """Whether one of the parts has turned with its sliding, by displacements (nodes, dim), as a belt does that goes
+        round a drum. Small strains balance its forces as it lay at first; normals from where it has come to would push it
+        along by the turn as friction does. Collective."""
+        nodes, found = self.nodes, []
+        for sides in (self.points.sides, self._master):
+            surface = SlavePoints(sides, self.points.kinematics, self.dim, "node")
+            before, now = surface.corner_normals(nodes.x), surface.corner_normals(nodes.x + displacement)
+            cosine = np.einsum("fki,fki->fk", before, now)
+            turn = np.sqrt(2.0 * np.clip(1.0 - cosine, 0.0, None))
+            sums = total(nodes.comm, np.array([turn.sum(), turn.size]))
+            found.append(sums[0] / max(sums[1], 1.0))
+        return max(found) > TURNED
+
     def _paired_at(self) -> np.ndarray:
         """Relative displacement at which the parts were paired, (carriers, dim)."""
         return np.zeros((len(self.weights), self.dim)) if self.paired is None else self._relative_then
@@ -113,8 +129,7 @@ class PartContactField(BodyContact):
 
     def pair_at(self, displacement: np.ndarray | None, unknowns: PETSc.Vec | None) -> None:
         """Pair points and sides at these displacements (nodes, dim), also given as ``unknowns``. Collective."""
-        x = self.nodes.x
-        self.search(x if displacement is None else x + displacement, self.dt)
+        self.search(self.nodes.x if displacement is None else self.nodes.x + displacement, self.dt)
         self.paired, gap = displacement, self.state.gap
         relative = self._relative_then = np.zeros((len(self.weights), self.dim)) if displacement is None else \
             self.relative(unknowns)

@@ -29,7 +29,7 @@ class SlavePoints:
     """
 
     def __init__(self, sides: np.ndarray, kinematics: Kinematics, dim: int, element: str):
-        self.sides, self._kinematics, self.dim = sides, kinematics, dim
+        self.sides, self.kinematics, self.dim = sides, kinematics, dim
         cell = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
         shapes = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
         hats = basix.create_element(basix.ElementFamily.P, cell, 1)
@@ -58,7 +58,7 @@ class SlavePoints:
         the outward unit normals, (points, dim)."""
         across, length = self._across(x, self._gradient)
         surface = (length * self._weights).ravel()
-        return surface * self._kinematics.weight_at(self.trace(x)), (across / length[..., None]).reshape(-1, self.dim)
+        return surface * self.kinematics.weight_at(self.trace(x)), (across / length[..., None]).reshape(-1, self.dim)
 
     def corner_normals(self, x: np.ndarray) -> np.ndarray:
         """Outward unit normals of the sides at their corners, (f, corners, dim)."""

@@ -3,7 +3,7 @@ r"""A tool of several parts that press and rub on one another: Newton's iteratio
 The parts are disjoint in one mesh.  Contact adds nodal forces :math:`G^Tw\,t(Gu)` and the tangent of ``contact.parts`` in
 displacements (FORMULATION.md 3): there the closing *displacement* takes the place of the closing speed, in a step of 1 s.
 Strains are small, but parts may slide: in a load step points and sides are paired anew where parts have come to lie
-opposite to other sides.  Friction remembers what it held in the last accepted step.
+opposite to other sides, unless they turn with that.  Friction remembers what it held in the last accepted step.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ TOUCHING = 1e-3     # of the smallest side: parts with no wider gap hold each ot
 SEARCH_FROM = 4     # increment of a step: contact that is still changing sides then may do so for ever with full increments
 CREEP = 0.01        # of the stiffness, in the tangent of points that slip, in the second try of a step: see `holding.hold`
 CREEP_ITERATIONS = 3    # times the usual ones, which it then takes
+AUGMENTATIONS = {False: 40, True: 10}       # without and with friction
 PAIRINGS = 5        # in a load step: by then parts that slide on by being paired anew do so by little
 HALVINGS, ENOUGH = 6, 0.9     # of an increment, until the imbalance is less than this part of that before
 
@@ -64,7 +65,8 @@ class AssembledSolver(PlasticSolver):
     contacts : `PartContact` of its parts
     penalty_factor : penalty in units of the stiffness per area of the contact surfaces
     augmentations : how often at most the tractions found become the multipliers, which takes the penetration out; one is
-        a single solve with the tangent that is there, and leaves about half of it where a node carries little surface
+        a single solve with the tangent that is there, and leaves about half of it where a node carries little surface.
+        None: 40, with friction 10, as every one moves the places at which points hold
     penetration : of the greatest displacement, where that ends: overlap of what presses, and give of what friction holds
 
     Attributes
@@ -74,14 +76,15 @@ class AssembledSolver(PlasticSolver):
     """
 
     def __init__(self, body: ToolBody, contacts, settings: ToolSettings = ToolSettings(), *, penalty_factor: float = 10.0,
-                 augmentations: int = 40, penetration: float = 1e-6):
+                 augmentations: int | None = None, penetration: float = 1e-6):
         super().__init__(body, settings)        # of a body that cannot yield without any state at its points
-        self.augmentations, self.penetration, self.factorisations = augmentations, penetration, 0
+        self.penetration, self.factorisations = penetration, 0
         dofs = global_dofs(body, np.arange(body.nodes.count))
         self.contacts = [
             PartContactField(body.nodes, body.state.kinematics, c.slave, c.master, dofs=dofs, owned=body.owned,
                              free=~body.is_held, element=c.element, friction=c.friction) for c in contacts]
         self._friction = any(contact.has_friction for contact in self.contacts)
+        self.augmentations = augmentations if augmentations is not None else AUGMENTATIONS[self._friction]
         self._limited = self._friction and body.yields
         self._merged: PETSc.Mat | None = None
         self._factorised: list[np.ndarray] | None = None
@@ -296,11 +299,12 @@ class AssembledSolver(PlasticSolver):
         """Pair parts anew where the step has brought them, and find the balance there; the iterations. Collective."""
         spent = 0
         for _ in range(PAIRINGS):
-            slid = [contact for contact in self.contacts if contact.has_slid()]
+            moved = self.body.nodal()
+            slid = [contact for contact in self.contacts if contact.has_slid() and not contact.has_turned(moved)]
             if not slid:
                 break
             for contact in slid:
-                contact.pair_again(self.body.nodal(), self.body.displacement.x.petsc_vec)
+                contact.pair_again(moved, self.body.displacement.x.petsc_vec)
             self._increments, self._anew = 0, True
             self._forces = self.internal_forces()
             self._anew = False
