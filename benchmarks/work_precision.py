@@ -1,6 +1,6 @@
 """Work-precision diagrams of nine cases: error against CPU time for schemes, elements, steps and modes.
 
-    python3 benchmarks/work_precision.py                  # all, about eight minutes
+    python3 benchmarks/work_precision.py                  # all, some five minutes
     python3 benchmarks/work_precision.py taylor block     # these alone
 
 Tables and pictures go to ``benchmarks/precision/``. Every error is that against an exact solution or against a finer run
