@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ..errors import MeshError
 from ..scene import Scene
 from . import meshing
-from .bodies import body_mesh
+from .bodies import GROWTH, body_mesh
 from .gather import gather_cells, gather_nodal
 from .nodes import Nodes
 
@@ -24,7 +24,8 @@ def assembled_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     meshes, sizes = [], []
     for name in scene.workpieces:
         try:
-            mesh, size = body_mesh(scene.alone(name), tools, comm)
+            # where bodies meet, their sizes decide which holds the points: not also those at the edge of a tool
+            mesh, size = body_mesh(scene.alone(name), tools, comm, edge_growth=GROWTH)
         except MeshError as error:
             raise MeshError(f"workpiece '{name}': {error}") from error
         meshes.append(mesh)

@@ -22,7 +22,7 @@ CORNER_REACH = 2.0      # mesh sizes from the body within which corners and roun
 AUTOMATIC = {2: 0.044, 3: 0.183}     # mesh size of a square or cube of side 1
 
 
-def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
+def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD, *, edge_growth: float = EDGE_GROWTH):
     """Mesh of the workpiece, graded to the sharp corners of the tools near it; the mesh size used, mm.
 
     Raises
@@ -39,7 +39,7 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD):
     singular = _corners_near(shape.bounds(), tools, CORNER_REACH * size, dim)
     edges = _corners_on_tools(shape, tools, 1e-6 * size)
     corners = np.concatenate([singular, edges])
-    growth = np.repeat([GROWTH, GROWTH if workpiece.remesh is not None else EDGE_GROWTH], [len(singular), len(edges)])
+    growth = np.repeat([GROWTH, GROWTH if workpiece.remesh is not None else edge_growth], [len(singular), len(edges)])
     builder, touching = BUILDERS[shape.kind], corners if dim == 2 else _touching_edges(scene, tools, size)
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors, touching), dim, size, corners=corners,
                             corner_size=CORNER_SIZE * size if len(corners) else None, growth=growth,
