@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 TOUCH = 1e-9          # of the length of a side
+PIECES = 4            # of a parabola: a sixteenth of its height is missed
 
 
 def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
@@ -20,6 +21,18 @@ def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
     found = np.zeros(len(sides), dtype=bool)
     found[i[meet]] = found[j[meet]] = True
     return found
+
+
+def curved_crossing(points: np.ndarray, sides: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """As `crossing` for the parabolas over the sides with the given ``middles`` (f, 2), each as PIECES straight pieces."""
+    ends, count = points[sides], len(points)
+    s = np.arange(1, PIECES)[:, None, None] / PIECES
+    inner = (1 - s) * (1 - 2 * s) * ends[:, 0] + 4 * s * (1 - s) * middles + s * (2 * s - 1) * ends[:, 1]
+    numbers = count + np.arange(len(sides) * (PIECES - 1)).reshape(PIECES - 1, -1)
+    ways = np.concatenate([sides[None, :, 0], numbers, sides[None, :, 1]])
+    pieces = np.stack([ways[:-1], ways[1:]], axis=2)                 # pieces, sides, 2
+    found = crossing(np.concatenate([points, inner.reshape(-1, 2)]), pieces.reshape(-1, 2))
+    return found.reshape(PIECES, -1).any(axis=0)
 
 
 def crossings(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from ..meshing import split_corner_cells
 from . import mmg
 from .body_arrays import BodyArrays, Remeshed, boundary_sides, keys
 from .corner_cells import turned
-from .crossing import crossing
+from .crossing import crossing, curved_crossing
 from .curve import Curve
 from .filling import fill
 from .gradation import edges_of, over_mesh
@@ -21,6 +21,7 @@ from .quality import scaled_jacobian
 from .resampling import Boundary, Outline
 
 ATTEMPTS = 4         # with finer and finer sides where the one before failed
+CURVED = 2           # of them look at the curves of the sides; what still crosses then is less than such fine sides resolve
 FLATTEST = 0.25      # scaled Jacobian of a cell behind a curved side; below, the side is halved
 
 
@@ -36,9 +37,11 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     curves = [[Curve(chain, detail) for chain in loop] for loop in chains]
     boundary = Boundary(curves, sizes, _around(body, sizes), chord, least)
     best, room, reasons = None, 0.0, {}
-    for _ in range(ATTEMPTS):
+    for attempt in range(1, ATTEMPTS + 1):
         outline = boundary.resample()
         crossed = crossing(outline.points, outline.sides)
+        if attempt <= CURVED:
+            crossed |= curved_crossing(outline.points, outline.sides, outline.middles)
         if crossed.any():
             place = ", ".join(f"{c:.6g}" for c in outline.points[outline.sides[np.argmax(crossed), 0]])
             reasons["boundary"] = f"its boundary crosses itself at ({place}) mm"
