@@ -11,6 +11,7 @@ from ..laws import EnergyDrive, Follower
 from ..scene import Scene, copies
 from .integration import Flow
 
+FARTHEST = 2.0   # of the time between two forces that were felt, from the first on: a line through them holds no longer
 SPENT = 2e-6     # of the energy of a blow: what may be left, or overdrawn, at its end
 ALIKE = 1e-3     # difference of the shares by which several rams slow down in a step, up to which the flow is scaled by one
 CREEP = 1e-3     # of the speed of impact: that of the flow at the end of a blow, whose force is that of v → 0
@@ -235,7 +236,7 @@ class Ram:
         self._overdrawn = None
         if now.left - taken < -SPENT / 2 * self.drive.energies[now.blow]:
             left, length = max(now.left, 0.0), time - now.since
-            self._overdrawn = now.since, slowing, min(now.speed / slowing, length * left / taken)
+            self._overdrawn = now.since, slowing, length * left / taken
         now.work, now.stored, now.left = now.work + work, now.stored + stored, now.left - taken
         now.lost += (1 - self.drive.forming_share) * taken
         now.since, now.travelled, now.pace, now.ended = time, now.travelled + way, None, False
@@ -315,5 +316,5 @@ class Ram:
         felt = np.array(self._now.felt)
         if len(felt) < 2:
             return felt[0, 1:] if len(felt) else np.zeros(2)
-        share = (time - felt[0, 0]) / (felt[1, 0] - felt[0, 0])
+        share = min((time - felt[0, 0]) / (felt[1, 0] - felt[0, 0]), FARTHEST)
         return felt[0, 1:] + share * (felt[1, 1:] - felt[0, 1:])
