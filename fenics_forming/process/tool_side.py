@@ -77,6 +77,7 @@ class ToolSide:
         inside[self.boundary] = False
         self.x[inside] += self.nodes.with_mids(self.x - before)[inside]      # mid-nodes half-way with their ends
         self.search(ahead)
+        self.contact.slip_anew(self.workpiece.velocity)
         return self.free_surface.volume(self.x) - self.free_surface.volume(before) if self.free_surface else 0.0
 
 

@@ -188,6 +188,11 @@ class RigidContact:
             state.slip = law.slip_velocity(state, self.facets.trace(velocity))
             tool.traction = state.pressure[:, None] * state.normal - state.friction_stress
 
+    def slip_anew(self, velocity: np.ndarray) -> None:
+        """Slip of the nodal velocities (nodes, dim) along tools whose surfaces have changed since."""
+        for tool in self.tools:
+            tool.state.slip = law.slip_velocity(tool.state, self.facets.trace(velocity))
+
     def resume_from_nodes(self, pressures: dict[str, np.ndarray], velocity: np.ndarray, reach: float) -> None:
         """Start from nodal pressures (nodes,) of every tool, where its gap is at most ``reach``, on the closest points."""
         memory = {}
