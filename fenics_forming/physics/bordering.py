@@ -141,6 +141,12 @@ class Border:
             motions.expect(rise())
         return solve(step=None)         # what ties rates to those before would hold the tool back
 
+    def coming(self) -> dict[str, np.ndarray]:
+        """Tool → velocity at its contact points (points, dim) with the whole increment of its rates, mm/s."""
+        parts = np.split(self._increment, np.cumsum([t.free.count for t in self.tools])[:-1])
+        return {t.name: t.given_velocity + t.free.velocities(t.free.rate + da)
+                for t, da in zip(self.tools, parts, strict=True)}
+
     def advance(self, share: float = 1.0) -> None:
         """Add a share of the increments to the rates."""
         first = 0

@@ -66,6 +66,9 @@ class DirectSystem:
         self._solver.solve(b, self._body.increment.x.petsc_vec)
         self._body.increment.x.scatter_forward()
 
+    def settle(self, b: PETSc.Vec, solve, border) -> None:
+        """Nothing: another factorisation costs as much as another iteration of the Newton."""
+
     def news(self) -> list[str]:
         """What a user wants to hear: nothing."""
         return []

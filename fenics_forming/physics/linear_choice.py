@@ -48,9 +48,11 @@ class WithFallback:
     def __init__(self, workpiece: Workpiece):
         from .iterative.system import IterativeSystem
         self._body = workpiece
+        from .iterative.settling import Settling
         self.iterative = IterativeSystem(workpiece)
+        self._settling = None if workpiece.contact is None else Settling(workpiece)
         self._direct: DirectSystem | None = None
-        self._failures, self._news = 0, []
+        self._failures, self._news, self._again = 0, [], False
         self.counts: Counter[str] = Counter()
 
     def follow(self) -> None:
@@ -70,12 +72,23 @@ class WithFallback:
         """Diagonal of the velocities, (nodes, dim), N s/mm."""
         return self.iterative.stiffness()
 
+    def settle(self, b: PETSc.Vec, solve, border) -> None:
+        """Follow the contact of the increment that ``solve(b)`` has found by iterations, and solve again. Collective."""
+        if self._settling is not None and self._last is self.iterative:
+            self._settling.settle(self, b, solve, border)
+
+    def follow_contact(self) -> None:
+        """Take over the tangents of contact anew."""
+        self.iterative.follow_contact()
+        self._again = True
+
     def solve(self, b: PETSc.Vec) -> None:
         """Solve for the increment, by iterations if they converge."""
+        again, self._again = self._again, False
         self.counts["solves"] += 1
         if self._failures < MOST_FAILURES:
             try:
-                self.iterative.solve(b)
+                self.iterative.solve(b, again=again)
                 self._failures, self._last = 0, self.iterative
                 return
             except ConvergenceError as failure:

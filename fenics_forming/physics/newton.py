@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -127,8 +128,8 @@ class FlowSolver:
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
             lifting = False
-            self._linear_solve()
             share = 0.5 if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0 else 1.0
+            self._linear_solve(settle=share == 1.0 and not (cold and iteration == 1))
             if share < 1.0:
                 body.increment.x.array[:] *= share
             if self.border is not None:
@@ -297,12 +298,12 @@ class FlowSolver:
         sums = [self.b.array[own[own < body.owned]].sum() for k, own in enumerate(body.velocity_dofs.T) if k not in held]
         return float(np.abs(total(body.nodes.comm, np.array(sums))).max()) if sums else 0.0
 
-    def _linear_solve(self):
+    def _linear_solve(self, settle: bool):
         start = perf_counter()
-        if self.border is None:
-            self.system.solve(self.b)
-        else:
-            self.border.solve(self.system, self.b)
+        solve = self.system.solve if self.border is None else partial(self.border.solve, self.system)
+        solve(self.b)
+        if settle:
+            self.system.settle(self.b, solve, self.border)
         self.seconds["linear solve"] += perf_counter() - start
 
     def _satisfied(self) -> bool:

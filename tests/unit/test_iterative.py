@@ -99,6 +99,53 @@ def test_a_stalled_iteration_is_solved_directly_and_says_so():
     np.testing.assert_allclose(body.contact.forces(), directly.contact.forces(), rtol=1e-9)
 
 
+def pressed(steps, **solver):
+    """Iterations of every solve, and the body at the end, of the cube that goes down under its ball step by step."""
+    body = Simulation(cube(linear="iterative", **solver)).body
+    history, step, iterations = body.new_history(), 0.05, []
+    for k in range(steps):
+        body.place(step * k)
+        flow = body.solve(step * k, history, step, ahead=0.5)
+        iterations.append(flow.iterations)
+        body.x[:] += step * flow.velocity
+    return iterations, body
+
+
+def test_contact_settles_with_the_increment():
+    """A warm solve under a ball, whose contact grows by a tenth in a step, is that of a body whose contact is known: four
+    iterations (issue 7); and points are not pulled, nor do open ones lie within the tool."""
+    iterations, body = pressed(9)
+    assert max(iterations[-4:]) <= 4, iterations
+    state = body.contact.tools[0].state
+    assert not body.solver.system.counts["solved directly"] and state.pressure.min() >= 0
+
+
+def test_the_settled_increment_closes_the_points_that_it_was_found_with():
+    _, body = pressed(4)
+    solver, contact = body.solver, body.contact
+    body.place(0.2)
+    body.search(0.025)
+    contact.respond(body.workpiece.velocity, flow_stress=solver._sigma_nodes)
+    solver.system.follow()
+    solver._assemble(lifting=False)
+    solver._linear_solve(settle=True)
+    closed = [tool.state.active.copy() for tool in contact.tools]
+    after = body.workpiece.velocity + body.workpiece.increment.x.array[body.workpiece.velocity_dofs]
+    contact.respond(after, flow_stress=solver._sigma_nodes)
+    for tool, before in zip(contact.tools, closed, strict=True):
+        np.testing.assert_array_equal(tool.state.active, before)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1000.0])
+def test_a_penalty_of_any_stiffness_under_an_oblique_tool(factor):
+    """What a residual leaves of the velocity is measured without the penalty, so a stiff one does not spoil the tractions:
+    the force is that of the usual factor, but for what a soft one sinks in (10 %), and nothing is solved directly."""
+    _, usual = pressed(3)
+    _, body = pressed(3, penalty_factor=factor)
+    np.testing.assert_allclose(body.contact.forces()[0][2], usual.contact.forces()[0][2], rtol=0.1 if factor == 1 else 0.02)
+    assert body.solver.system.counts["solved directly"] == 0
+
+
 def test_a_singular_node_is_a_failure_that_a_factorisation_may_mend(flowing):
     _, system, _ = flowing
     kept = system.block.diagonal.copy()
@@ -123,6 +170,17 @@ def test_fgmres_solves_in_as_many_iterations_as_there_are_eigenvalues():
     found = fgmres(MPI.COMM_SELF, lambda x: values * x, lambda x: x, b, tolerance=1e-12, most=10)
     assert found.iterations == 3
     np.testing.assert_allclose(found.x, b / values, rtol=1e-12)
+
+
+def test_fgmres_goes_on_from_a_start():
+    from mpi4py import MPI
+    values, b = np.linspace(1.0, 2.0, 50), np.random.default_rng(0).standard_normal(50)
+    solve = lambda tolerance, start: fgmres(MPI.COMM_SELF, lambda x: values * x, lambda x: x, b,  # noqa: E731
+                                            tolerance=tolerance, most=50, start=start)
+    rough = solve(1e-2, None)
+    fine = solve(1e-10, rough.x)
+    np.testing.assert_allclose(fine.x, b / values, rtol=1e-8)
+    assert fine.iterations < solve(1e-10, None).iterations and solve(1e-9, fine.x).iterations == 0
 
 
 def test_iterative_solver_in_the_plane_is_refused():

@@ -109,6 +109,12 @@ class ContactFacets:
         values = self.tangent_function.x.array[:size].reshape(self.count, -1) * self.weights()[:, None]
         return values.reshape(-1, self.points_per_facet, self.dim**2)
 
+    def nodal_forces(self, traction: np.ndarray) -> np.ndarray:
+        """Forces of tractions at the points (points, dim) on the nodes, (nodes, dim), N, of the facets of this rank."""
+        weighted = (traction * self.weights()[:, None]).reshape(-1, self.points_per_facet, self.dim)
+        at, shares = self.facet_nodes.ravel(), np.matmul(self.shape.T, weighted).reshape(-1, self.dim)
+        return np.stack([np.bincount(at, shares[:, i], self._nodes.count) for i in range(self.dim)], axis=1)
+
     # ------------------------------------------------------------------ geometry and traces
     def follow(self) -> None:
         """Take over the positions of the body: the submesh has a geometry of its own."""

@@ -51,12 +51,20 @@ class PointState:
                    np.zeros(count, dtype=bool), np.zeros(count), np.ones(count), np.zeros(count, dtype=bool))
 
 
+def trial_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
+                   tool_velocity: np.ndarray | None = None) -> np.ndarray:
+    """Normal pressure that closed points would have, negative where they would be pulled, (points,); also under a tool of
+    another velocity (points, dim)."""
+    tool_velocity = state.tool_velocity if tool_velocity is None else tool_velocity
+    closing = np.einsum("pi,pi->p", tool_velocity - velocity, state.normal)
+    multiplier = np.einsum("pi,pi->p", state.multiplier, state.normal)
+    return multiplier + coefficient * (closing - state.gap / dt)
+
+
 def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
                     touching: np.ndarray | None = None) -> None:
     """Update ``pressure`` and ``active``; points in ``touching`` count as active whatever their sign."""
-    closing = np.einsum("pi,pi->p", state.tool_velocity - velocity, state.normal)
-    multiplier = np.einsum("pi,pi->p", state.multiplier, state.normal)
-    trial = multiplier + coefficient * (closing - state.gap / dt)
+    trial = trial_pressure(state, velocity, coefficient, dt)
     state.active = trial > 0 if touching is None else (trial > 0) | touching
     state.pressure = np.where(state.active, trial, 0.0)
 

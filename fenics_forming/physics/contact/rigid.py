@@ -288,8 +288,8 @@ class RigidContact:
         closed.
         """
         v = self.facets.trace(velocity)
-        slip0 = self.slip0 if slip0 is None else slip0
-        sigma = self.facets.trace(flow_stress) if flow_stress is not None else None
+        self.slip0_now = slip0 = self.slip0 if slip0 is None else slip0
+        self._flow_stress = self.facets.trace(flow_stress) if flow_stress is not None else None
         traction = np.zeros((self.facets.count, self.facets.dim))
         tangent = np.zeros((self.facets.count, self.facets.dim, self.facets.dim))
         for tool in self.tools:
@@ -303,7 +303,7 @@ class RigidContact:
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
                 law.follow_contact(state, before if again else None)
-                limit = self._limit(tool, sigma)
+                limit = self.limit(tool)
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)
                 t, k = t + ft, k + fk
@@ -312,7 +312,9 @@ class RigidContact:
             tangent += k
         self.facets.set_traction(traction, tangent)
 
-    def _limit(self, tool: KnownTool, flow_stress: np.ndarray) -> np.ndarray:
+    def limit(self, tool: KnownTool) -> np.ndarray:
+        """Friction limit of a tool at the points (points,), N/mm², for the flow stress of the last :meth:`respond`."""
+        flow_stress = self._flow_stress
         if tool.sticks:
             # sticking is a bound that the material never reaches, since it yields at k; it keeps landing points calm
             return 2 / np.sqrt(3) * flow_stress

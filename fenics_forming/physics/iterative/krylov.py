@@ -16,8 +16,9 @@ class KrylovResult:
     reduction: float
 
 
-def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: int) -> KrylovResult:
-    """Solve ``times(x) = b`` from zero; the preconditioner may differ from call to call.
+def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: int,
+           start: np.ndarray | None = None) -> KrylovResult:
+    """Solve ``times(x) = b`` from ``start`` or from zero; the preconditioner may differ from call to call.
 
     Parameters
     ----------
@@ -34,10 +35,14 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
     size = float(np.sqrt(dots([b], b)[0]))
     if size == 0.0 or not np.isfinite(size):
         return KrylovResult(np.zeros_like(b), 0, 0.0 if size == 0.0 else np.inf)
-    basis, found = [b / size], []
+    r = b if start is None else b - times(start)
+    left = size if start is None else float(np.sqrt(dots([r], r)[0]))
+    if left <= tolerance * size:
+        return KrylovResult(start, 0, left / size)
+    basis, found = [r / left], []
     upper = np.zeros((most + 1, most))
     turns, rhs = [], np.zeros(most + 1)
-    rhs[0] = size
+    rhs[0] = left
     for k in range(most):
         z = precondition(basis[k])
         w = times(z)
@@ -64,7 +69,7 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
         basis.append(w / length)
     m = len(found)
     y = np.linalg.solve(upper[:m, :m], rhs[:m])
-    x = np.zeros_like(b)
+    x = np.zeros_like(b) if start is None else start.copy()
     for weight, z in zip(y, found, strict=True):
         x += weight * z
     return KrylovResult(x, m, abs(float(rhs[m])) / size)

@@ -16,6 +16,7 @@ from .krylov import fgmres
 from .multigrid import TwoLevels
 from .pattern import Incidence, Pattern
 from .pressure_block import Divergence, PressureMass
+from .products import apply_blocks
 from .sharing import Shared
 from .velocity_block import VelocityBlock
 
@@ -68,6 +69,7 @@ class IterativeSystem:
         self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
         self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
         self._split, self._scale = 3 * nodes.owned, 1.0
+        self._of_contact = np.zeros((nodes.count, 9))      # what contact with tools gives to the diagonal
 
     def _reference_cell(self):
         cell = self._n.mesh.basix_cell()
@@ -90,6 +92,7 @@ class IterativeSystem:
         body, block, coarse, mass = self._body, self.block, self.coarse, self.mass
         for part in (block, coarse, mass):
             part.clear()
+        self._of_contact[:] = 0.0
         shape = (len(self._n.cells), len(self._weights))
         kernels.tangent(self._n.x, self._n.cells, self._corners, self._weights, self._table, self._hats, self._hat_table,
                         body.sigma.reshape(shape), body.point_rate().reshape(shape),
@@ -111,12 +114,24 @@ class IterativeSystem:
         kernels.mass_blocks(self._corners, hats, weighted, coarse.pattern.places, coarse.diagonal, coarse.upper)
 
     def _add_contact(self):
+        self._contact = self._body.contact.facets.weighted_tangent()
+        self._add_to_facets(slice(None), self._contact)
+
+    def follow_contact(self) -> None:
+        """Take over the tangents of contact anew, which have changed since :meth:`assemble` while the flow has not."""
+        weighted = self._body.contact.facets.weighted_tangent()
+        changed = np.flatnonzero((weighted != self._contact).any(axis=(1, 2)))
+        self._add_to_facets(changed, weighted[changed] - self._contact[changed])
+        self._contact = weighted
+
+    def _add_to_facets(self, chosen, weighted: np.ndarray):
         facets = self._body.contact.facets
-        weighted = facets.weighted_tangent()
-        kernels.facet_blocks(facets.facet_nodes, facets.shape, weighted, self._facet_places, self.block.diagonal,
-                             self.block.upper)
-        kernels.facet_blocks(self._facet_corners, facets.hats, weighted, self._facet_coarse_places, self.coarse.diagonal,
-                             self.coarse.upper)
+        self.block.diagonal -= self._of_contact
+        kernels.facet_blocks(facets.facet_nodes[chosen], facets.shape, weighted, self._facet_places[chosen],
+                             self._of_contact, self.block.upper)
+        self.block.diagonal += self._of_contact
+        kernels.facet_blocks(self._facet_corners[chosen], facets.hats, weighted, self._facet_coarse_places[chosen],
+                             self.coarse.diagonal, self.coarse.upper)
 
     def lift(self, b: PETSc.Vec) -> None:
         """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
@@ -134,8 +149,9 @@ class IterativeSystem:
         """Diagonal of the velocities, (nodes, dim), N s/mm."""
         return self.block.stiffness()
 
-    def solve(self, b: PETSc.Vec) -> None:
-        """Set the preconditioner up, and solve for the increment.
+    def solve(self, b: PETSc.Vec, *, again: bool = False) -> None:
+        """Set the preconditioner up, and solve for the increment; ``again`` after :meth:`follow_contact`, from what was
+        found before.
 
         Raises
         ------
@@ -143,17 +159,23 @@ class IterativeSystem:
             if the residual does not fall below the tolerance.
         """
         self.block.prepare_smoother()
-        self.coarse.prepare()
-        self.mass.prepare()
-        self.solve_also(b, self._body.increment.x.petsc_vec, self.tolerance)
+        self._lighter, self._heavier = self.block.without(self._of_contact)
+        if not again:
+            self.coarse.prepare()
+            self.mass.prepare()
+        self.solve_also(b, self._body.increment.x.petsc_vec, self.tolerance, self._found if again else None)
+        self._found = self._last
         self._body.increment.x.scatter_forward()
 
-    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = ALSO) -> None:
+    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = ALSO, start: np.ndarray | None = None) -> None:
         """The same for another right-hand side, with the preconditioner that is set up."""
         self._scale = self._usual_stress()
         rhs = self._owned(b.array[self._own_velocity] * self.block.free[: self._nodes.owned],
                           b.array[self._own_pressure] * self.mass.free[: self._vertices.owned])
-        found = fgmres(self._n.comm, self._times, self._precondition, rhs, tolerance=tolerance, most=self.most)
+        found = fgmres(self._n.comm, lambda z: self._measured(self._times(z)),
+                       lambda r: self._precondition(self._measured(r, back=True)), self._measured(rhs),
+                       tolerance=tolerance, most=self.most, start=start)
+        self._last = found.x
         self.iterations = found.iterations
         if not found.reduction <= tolerance:
             raise ConvergenceError(f"{found.iterations} Krylov iterations leave {found.reduction:.1e} of the residual")
@@ -183,6 +205,14 @@ class IterativeSystem:
     def _owned(self, v: np.ndarray, q: np.ndarray) -> np.ndarray:
         """The owned part of forces (nodes, 3) and volume rates (vertices,), as one vector in N."""
         return np.concatenate([v[: self._nodes.owned].ravel(), self._scale * q[: self._vertices.owned]])
+
+    def _measured(self, r: np.ndarray, *, back: bool = False) -> np.ndarray:
+        """A residual as it is measured: by the forces that its velocities would need without contact. A penalty that is
+        stiff against the body would let the rest of a residual look small, and leave tractions as wrong as it is stiff."""
+        y = r.copy()
+        apply_blocks(self._heavier if back else self._lighter, r[: self._split].reshape(-1, 3),
+                     y[: self._split].reshape(-1, 3))
+        return y
 
     def _times(self, z: np.ndarray) -> np.ndarray:
         v, p = self._known_to_all(z)

@@ -78,12 +78,7 @@ class VelocityBlock:
         blocks = self.diagonal.copy()
         for other in self.others:
             other.add_diagonal(blocks)
-        blocks = self.shared.add_for_all(blocks).reshape(-1, 3, 3)
-        given = self.free == 0.0
-        blocks *= self.free[:, :, None] * self.free[:, None, :]
-        rows, axes = np.nonzero(given)
-        blocks[rows, axes, axes] = 1.0
-        self._inverse[:] = self._inverted(blocks).reshape(-1, 9)
+        self._inverse[:] = self._inverted(self._of_free(blocks)).reshape(-1, 9)
         x = self._direction * self.free
         y, z = np.empty_like(x), np.empty_like(x)
         for _ in range(FIRST if self.largest == 0.0 else LATER):
@@ -93,6 +88,23 @@ class VelocityBlock:
             self.largest = LARGER * self._norm(z)
             x, z = z, x
         self._direction = x
+
+    def _of_free(self, blocks: np.ndarray) -> np.ndarray:
+        """Blocks (nodes, 9) that this rank gives to the diagonal → those of all ranks, (nodes, 3, 3), with rows of the
+        identity where the velocity is given. Collective."""
+        blocks = self.shared.add_for_all(blocks).reshape(-1, 3, 3)
+        blocks *= self.free[:, :, None] * self.free[:, None, :]
+        rows, axes = np.nonzero(self.free == 0.0)
+        blocks[rows, axes, axes] = 1.0
+        return blocks
+
+    def without(self, more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What takes forces on the owned nodes to those that the matrix without ``more`` (nodes, 9) on its diagonal needs
+        for the same velocities, node by node, and back, (owned, 9) each. Collective."""
+        owned = slice(self.shared.owned)
+        less = self._of_free(self.diagonal - more)[owned]
+        there = np.matmul(less, self._inverse[owned].reshape(-1, 3, 3))
+        return there.reshape(-1, 9), np.linalg.inv(there).reshape(-1, 9)
 
     def _inverted(self, blocks: np.ndarray) -> np.ndarray:
         try:
