@@ -20,10 +20,10 @@ class DirectSystem:
 
     Attributes
     ----------
-    counts : "solves" so far
+    counts : "solves" so far · settles : whether :meth:`settle` follows the contact
     """
 
-    kind = "direct"
+    kind, settles = "direct", False
 
     def __init__(self, workpiece: Workpiece):
         self.counts: Counter[str] = Counter()

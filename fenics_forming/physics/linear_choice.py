@@ -40,10 +40,11 @@ class WithFallback:
 
     Attributes
     ----------
-    counts : "solves", "krylov iterations", and those "solved directly" after all
+    counts : "solves", "krylov iterations", and those "solved directly" after all · settles : whether :meth:`settle`
+        follows the contact
     """
 
-    kind = "iterative"
+    kind, settles = "iterative", True
 
     def __init__(self, workpiece: Workpiece):
         from .iterative.system import IterativeSystem

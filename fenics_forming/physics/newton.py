@@ -140,7 +140,8 @@ class FlowSolver:
                 raise ConvergenceError(f"the velocities became infinite in iteration {iteration}")
             before, force = force, self._respond(ratio, iteration)
             last_change, force_change = force_change, _relative(force, before)
-            left = _left(force_change, last_change)
+            # the forces of the first guess, of points that are not settled, say nothing of how fast changes shrink
+            left = force_change if iteration == 2 and self.system.settles else _left(force_change, last_change)
             settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance and \
                     self._net_force() <= UNBALANCED * settings.force_tolerance * np.abs(force).max():

@@ -81,8 +81,8 @@ def test_a_linear_body_on_a_spring_is_solved_in_one_step_of_newton(tmp_path):
     body, changes = run.body, []
     solver, step = body.solver, body.solver._linear_solve
 
-    def watched():
-        step()
+    def watched(**how):
+        step(**how)
         changes.append(np.abs(body.workpiece.increment.x.array[body.workpiece.velocity_dofs]).max())
 
     solver._linear_solve = watched
