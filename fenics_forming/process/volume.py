@@ -17,7 +17,8 @@ from ..physics.surface import Surface
 from .shifting import put_on_tools
 
 CAP = 0.1             # of the smallest element, the farthest that the surface moves at once
-MOST_CALLS = 40       # a few of the smallest elements in all; what is then left waits for the next time
+MOST_CALLS = {"in": 40, "out": 150}     # inwards a few of the smallest elements in all; outwards, where cells only grow,
+                                        # a dozen, as a thin flash may need; what is then left waits for the next time
 EXACT = 1e-14         # relative volume that is as good as none
 TOUCHING = 1e-6       # of the size of the body: a node nearer to a tool than this is on it
 LEAST_COSINE = 0.5    # to the sides that meet in an edge, and to a mirror plane: sharper ones move by less
@@ -99,7 +100,7 @@ class FreeSurface:
         """
         before = volume = self.volume(x)
         moved, free = 0.0, np.flatnonzero(self.nodes)
-        for _ in range(MOST_CALLS):
+        for _ in range(MOST_CALLS["out" if wanted > volume else "in"]):
             if abs(volume - wanted) <= EXACT * wanted:
                 break
             held = self._on_tools(x, free, tools)
