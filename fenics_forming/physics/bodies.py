@@ -39,8 +39,8 @@ def body_mesh(scene: Scene, tools, comm=MPI.COMM_WORLD, *, edge_growth: float = 
     singular = _corners_near(shape.bounds(), tools, CORNER_REACH * size, dim)
     edges = _corners_on_tools(shape, tools, 1e-6 * size)
     corners = np.concatenate([singular, edges])
-    if workpiece.remesh is not None or any(tool.deformation is not None for tool in tools):
-        edge_growth = GROWTH        # only measured with rigid tools and on a mesh that stays
+    if workpiece.remesh is not None:
+        edge_growth = GROWTH        # only measured on a mesh that stays
     growth = np.repeat([GROWTH, edge_growth], [len(singular), len(edges)])
     builder, touching = BUILDERS[shape.kind], corners if dim == 2 else _touching_edges(scene, tools, size)
     mesh = meshing.generate(lambda gmsh: builder(gmsh, shape, size, mirrors, touching), dim, size, corners=corners,

@@ -27,6 +27,7 @@ class FlowSolution:
 
 
 CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
+NEXT_TO_NONE = 1e-3             # of the force that makes a body flow
 UNBALANCED = 5.0                # of the force tolerance: what the forces on a body may differ by
 
 
@@ -144,7 +145,7 @@ class FlowSolver:
             left = force_change if iteration == 2 and self.system.settles else _left(force_change, last_change)
             settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance and \
-                    self._net_force() <= UNBALANCED * settings.force_tolerance * np.abs(force).max():
+                    self._net_force() <= UNBALANCED * settings.force_tolerance * self._size_of(force):
                 before_last, beside = beside, contact.gives_way(body.mass.total_per_step()) if renews else 0.0
                 if settings.force_tolerance < beside < 0.5 * before_last:
                     for part in body.contacts:
@@ -181,6 +182,7 @@ class FlowSolver:
         if self._volume is None:
             self._volume = body.volume()
         self.usual_power = flow_stress * task.characteristic_rate * self._volume
+        self._usual_force = flow_stress * self._volume ** (1 / 2 if body.kinematics.name == "plane_strain" else 2 / 3)
         if body.parts is not None:
             body.set_drag(self.usual_power / self._volume)
         if contact is not None:
@@ -287,6 +289,10 @@ class FlowSolver:
         scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
         return power / scale
+
+    def _size_of(self, force: np.ndarray) -> float:
+        """The greatest of the forces, N; where nothing opposes the body, a thousandth of what makes it flow."""
+        return max(float(np.abs(force).max()), NEXT_TO_NONE * self._usual_force)
 
     def _net_force(self) -> float:
         """Greatest force on the whole body, N, that the residual of :meth:`_power_imbalance` leaves: along directions in

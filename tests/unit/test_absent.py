@@ -30,7 +30,7 @@ HOT = {"kind": "constant", "coefficient": "5 kW/m^2/K", "temperature": 100}
 # part: what the scene says of it, modules, entries of summary "parts_built", of "wall_s_by_part", columns of the history
 PARTS = {
     "friction": ({"tools": {"upper": {"friction": {"law": "siebel", "factor": 0.2}}}},
-                 ["physics.sizes"], ["friction upper: siebel"], [], []),
+                 [], ["friction upper: siebel"], [], []),
     "weight": ({"process": {"weight": True}}, ["physics.mass"], ["term weight"], [], []),
     "inertia": ({"process": {"inertia": True}}, ["physics.mass", "process.inertia"], ["term inertia"], [],
                 ["kinetic_energy_mJ"]),

@@ -66,6 +66,5 @@ def test_the_force_of_a_fine_mesh_is_the_converged_one(deviations):
 
 
 @pytest.mark.long
-@pytest.mark.xfail(reason="0.21 % on the coarsest mesh by luck, 0.25 % on the finest", strict=True)
 def test_the_force_converges_with_mesh_and_step(deviations):
     assert deviations[2] < deviations[0]
