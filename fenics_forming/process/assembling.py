@@ -25,7 +25,6 @@ from .moving import mass_of, velocity_of
 from .placing import nodes_of, settings_of, working_direction
 from .volume import FreeSurface
 
-BESIDE = 0.02     # of the size of a body: sides that are not farther from the box around it are beside it
 SAME = 1e-8       # of the size of the assembly: a node so near to a mirror plane is on it
 
 
@@ -110,24 +109,10 @@ def boundary_of(parts: Parts, mirrors, axes) -> tuple[dict[str, np.ndarray], lis
 
 
 def finer_bodies(scene: Scene, nodes: Nodes, free: dict[str, np.ndarray]) -> dict[str, str]:
-    """Contact of two workpieces → the one with the finer surface where they are side by side. Collective."""
-    return {contact.name: _finer(nodes, free, contact.between) for contact in scene.contacts
+    """Contact of two workpieces → the one with the finer surface. Collective."""
+    length = {name: side_length(nodes, facet_sides(nodes, facets)) for name, facets in free.items()}
+    return {contact.name: min(contact.between, key=length.get) for contact in scene.contacts
             if set(contact.between) <= set(scene.workpieces)}
-
-
-def _finer(nodes: Nodes, free: dict[str, np.ndarray], between: tuple[str, str]) -> str:
-    """Of two bodies the one with the shorter sides beside the other one: elsewhere tools may ask for short ones."""
-    middle = {name: nodes.x[facet_sides(nodes, free[name])].mean(axis=1) for name in between}
-    boxes = {name: (lowest(nodes.comm, x.min(axis=0, initial=np.inf)), highest(nodes.comm, x.max(axis=0, initial=-np.inf)))
-             for name, x in middle.items()}
-    length = {}
-    for name, other in zip(between, reversed(between), strict=True):
-        low, high = boxes[other]
-        away = np.maximum(low - middle[name], middle[name] - high).max(axis=1, initial=-np.inf)
-        beside = free[name][away < BESIDE * (high - low).max()]
-        beside = beside if total(nodes.comm, float(len(beside))) > 0 else free[name]
-        length[name] = side_length(nodes, facet_sides(nodes, beside))
-    return min(between, key=length.get)
 
 
 def _pairs(scene: Scene, nodes: Nodes, free: dict[str, np.ndarray], slaves) -> list[Pair]:
