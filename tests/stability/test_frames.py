@@ -1,7 +1,7 @@
 """A run does not know where it stands, which way it looks, or in which units it is told.
 
 The same mesh is moved, turned, mirrored or enlarged with its tools, and the answer has to move, turn, be mirrored or
-grow along: forces by stress times area, strains and mean stresses not at all.  What is left is rounding.
+grow along: forces by stress times area, strains not at all.  What is left is rounding.
 """
 
 from __future__ import annotations

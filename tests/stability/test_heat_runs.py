@@ -9,17 +9,19 @@ from .scenes import DEMOS, run, swept
 from .test_ranks import on_ranks, same
 from .test_resume import goes_on, resumed
 
-HOT = """
-title = "Hot upsetting between a die of constant temperature and one of columns"
-geometry = "axisymmetric"
-
-[materials.steel]
+STEEL = """[materials.steel]
 flow_stress = { law = "hensel_spittel", A = "1200 MPa", m1 = -0.0025, m2 = 0.02, m3 = 0.13, m4 = -0.02 }
 density = "7500 kg/m^3"
 conductivity = "28 W/m/K"
 specific_heat = "650 J/kg/K"
 plastic_heat_fraction = 0.9
+"""
 
+HOT = """
+title = "Hot upsetting between a die of constant temperature and one of columns"
+geometry = "axisymmetric"
+
+""" + STEEL + """
 [materials.die]
 density = "7800 kg/m^3"
 conductivity = "30 W/m/K"
@@ -194,13 +196,7 @@ def test_the_scene_of_hot_forging_runs_as_it_stands_to_its_dead_centre(tmp_path)
 TWO = """
 geometry = "axisymmetric"
 process = { cooling = { time = 0.5 } }
-[materials.steel]
-flow_stress = { law = "hensel_spittel", A = "1200 MPa", m1 = -0.0025, m2 = 0.02, m3 = 0.13, m4 = -0.02 }
-density = "7500 kg/m^3"
-conductivity = "28 W/m/K"
-specific_heat = "650 J/kg/K"
-plastic_heat_fraction = 0.9
-[workpieces.core]
+""" + STEEL + """[workpieces.core]
 shape = { kind = "rectangle", from = [0, 0], to = [6, 6] }
 material = "steel"
 symmetry = ["z"]
