@@ -77,12 +77,14 @@ class JohnsonCook(FlowStress):
 class HenselSpittel(FlowStress):
     """sigma = A e^(m1 T) T^m9 eps^m2 e^(m4/eps) (1+eps)^(m5 T) e^(m7 eps) rate^m3 rate^(m8 T), eps the strain, T degC.
 
-    The nine-parameter variant (m6 does not occur). The strain is at least `STRAIN_FLOOR`, or
-    `DIVIDED_STRAIN_FLOOR` where m4 is not 0; T is at least 1 degC in T^m9. A factor whose parameter is 0 is left out.
+    The nine-parameter variant (m6 does not occur). The strain is at least `STRAIN_FLOOR`, or `DIVIDED_STRAIN_FLOOR`
+    where m4 is not 0; T is at least 1 degC in T^m9. The exponent of the rate, m3 + m8 T, is at least 0: where the
+    negative m3 of a measured set would make it less (below some 600 degC for steels), the set no longer holds.
+    A factor whose parameter is 0 is left out.
 
     Parameters
     ----------
-    A : MPa. m1 … m9 : numbers, 0 where not given.
+    A : MPa. m1 … m9 : numbers, 0 where not given. m3 : from -1 to 1, negative only beside m8 > 0.
 
     References
     ----------
@@ -93,7 +95,7 @@ class HenselSpittel(FlowStress):
     A: Positive(Stress)
     m1: Number = 0.0
     m2: Number = 0.0
-    m3: Exponent = 0.0
+    m3: Within(Number, -1, 1) = 0.0
     m4: Within(Number, -5, 5) = 0.0
     m5: Number = 0.0
     m6: Number = Field(0.0, description="0: m6 does not occur in this variant")
@@ -107,6 +109,13 @@ class HenselSpittel(FlowStress):
         if value != 0:
             raise refused(value, "would be ignored", "0, because m6 does not occur in this variant of the law")
         return value
+
+    @model_validator(mode="after")
+    def _stress_grows_with_the_rate(self):
+        if self.m3 < 0 and not self.m8 > 0:
+            raise at_key("m3", "is negative, and no m8 > 0 makes up for it: the stress grows with the rate", self.m3,
+                         "a number from 0 to 1, or a negative one beside m8 > 0")
+        return self
 
     @property
     def depends_on_strain(self):
@@ -155,4 +164,4 @@ class HenselSpittel(FlowStress):
         return sum(parts[1:], parts[0]) if parts else None
 
     def _rate_exponent(self, temperature):
-        return self.m3 + self.m8 * temperature if self.m8 else self.m3
+        return maximum(self.m3 + self.m8 * temperature, 0.0) if self.m8 else self.m3

@@ -29,6 +29,7 @@ LAWS = [
     laws.JohnsonCook(A=350, B=275, n=0.36),
     laws.HenselSpittel(**STEEL),
     laws.HenselSpittel(A=1200, m1=-0.0025, m2=0.02, m3=0.1, m4=-0.02, m5=1e-4, m7=-0.1, m8=1e-5, m9=0.05),
+    laws.HenselSpittel(A=5050.22, m1=-0.003126, m2=0.359206, m3=-0.168624, m7=-0.702119, m8=0.000278),
     laws.Table(**GRID, stress=STRESSES),
     laws.Table(strain=[0, 1], stress=[100, 200]),
 ]
@@ -319,6 +320,7 @@ def test_drive_table_from_a_file_equals_the_lists(tmp_path):
         (lambda: laws.RotationDrive(speed=1, centre=[0, 0], axis=[0, 0, 1]), "axis"),
         (lambda: laws.SpeedDrive(velocity=[0, 0, 1], rotation=SPIN), "rotation.centre"),
         (lambda: laws.JohnsonCook(A=1, B=1, n=0.1, m=1), "melting_temperature"),
+        (lambda: laws.HenselSpittel(A=1, m3=-0.1), "m3"),
         (lambda: laws.JohnsonCook(A=1, B=1, n=0.1, m=1, melting_temperature=10), "melting_temperature"),
         (lambda: laws.HenselSpittel(A=1, m6=0.1), "m6"),
         (lambda: laws.Hollomon(K=1, n=2), "n"),

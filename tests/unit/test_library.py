@@ -118,3 +118,18 @@ def test_the_library_answers_in_python():
     assert ff.library("steel_1045").title.startswith("Steel AISI 1045")
     assert repr(ff.library()).count("\n") == len(names()) - 1
     assert ff.library("stainless_316L").is_recalled and not ff.library("stainless_304").is_recalled
+
+
+@pytest.mark.parametrize("name", [name for name in names() if name.startswith("steel_") and name.endswith("_hot")])
+def test_hot_steels_are_as_strong_as_handbooks_say(name):
+    """Carbon steels at 1100 degC, a strain of 0.5 and 1/s: 50 to 110 MPa, and 1.25 to 1.6 times that at 10/s."""
+    law = Material(from_=name).flow_stress
+    slow, fast = (law(np.array([0.5]), np.array([rate]), np.array([1100.0]))[0] for rate in (1, 10))
+    assert 50 < slow < 110 and 1.25 * slow < fast < 1.6 * slow
+
+
+def test_the_rate_never_softens_a_measured_set():
+    """m3 + m8 T is negative when cold; the exponent stays at 0 there, or a velocity would not be the only one."""
+    law = Material(from_="steel_C15_hot").flow_stress
+    assert law(0.3, 10.0, 300.0) == law(0.3, 1.0, 300.0) and law.rate_derivative(0.3, 1.0, 300.0) == 0
+    assert law(0.3, 10.0, 1000.0) == pytest.approx(law(0.3, 1.0, 1000.0) * 10 ** (-0.168624 + 0.278), rel=1e-12)
