@@ -35,7 +35,7 @@ from .flow_stress import (
     Swift,
     Voce,
 )
-from .flow_stress_hot import HenselSpittel, JohnsonCook
+from .flow_stress_hot import HenselSpittel, JohnsonCook, Sinh
 from .flow_stress_table import Table
 from .friction import Coulomb, Friction, FrictionLaw, Levanov, NoFriction, Siebel, Sticking
 
@@ -51,6 +51,7 @@ FlowStressLaw = one_of(
     Power,
     JohnsonCook,
     HenselSpittel,
+    Sinh,
     Table,
     base=FlowStress,
 )
@@ -93,6 +94,7 @@ __all__ = [
     "RotationDrive",
     "ScrewPressDrive",
     "Siebel",
+    "Sinh",
     "SpeedDrive",
     "Spin",
     "SpringDrive",

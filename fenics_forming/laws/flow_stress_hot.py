@@ -1,13 +1,31 @@
-"""Flow-stress laws of strain, rate and temperature together: Johnson-Cook and Hensel-Spittel."""
+"""Flow-stress laws of temperature: Johnson-Cook, Hensel-Spittel, and the hyperbolic sine of hot working."""
 
+import math
 from typing import Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..units import NonNegative, Number, Positive, Rate, Stress, Temperature, Within, refused
+from ..units import (
+    MolarEnergy,
+    NonNegative,
+    Number,
+    Positive,
+    Rate,
+    ReciprocalStress,
+    Stress,
+    Temperature,
+    Within,
+    refused,
+)
 from .described import at_key
 from .flow_stress import DIVIDED_STRAIN_FLOOR, RATE_FLOOR, STRAIN_FLOOR, Exponent, FlowStress
 from .functions import exp, log, maximum, minimum, power, where_greater, zeros_like
+
+GAS_CONSTANT = 8.314462618
+"""R in J/(mol K), CODATA 2018."""
+
+ABSOLUTE_ZERO = -273.15
+"""In degC."""
 
 
 class JohnsonCook(FlowStress):
@@ -165,3 +183,58 @@ class HenselSpittel(FlowStress):
 
     def _rate_exponent(self, temperature):
         return maximum(self.m3 + self.m8 * temperature, 0.0) if self.m8 else self.m3
+
+
+class Sinh(FlowStress):
+    """sigma = arsinh((Z / A)^(1/n)) / alpha, Z = rate * exp(activation_energy / (R T)), T in K: steady hot flow.
+
+    The law of Sellars and Tegart, for metals that recover or recrystallise as fast as they harden: strain does not
+    matter. Z is the Zener-Hollomon parameter. A runs over many powers of ten and is therefore printed as `ln_A` in
+    most papers; give one of the two.
+
+    Parameters
+    ----------
+    alpha : 1/MPa. n : number. activation_energy : J/mol. A : 1/s. ln_A : its natural logarithm, A in 1/s.
+
+    References
+    ----------
+    Sellars and Tegart, Int. Metall. Rev. 17 (1972) 1; Sheppard, Extrusion of Aluminium Alloys (1999), ch. 4.
+    """
+
+    law: Literal["sinh"] = "sinh"
+    alpha: Positive(ReciprocalStress)
+    n: Within(Positive(Number), 0.1, 100)
+    activation_energy: Within(Positive(MolarEnergy), 1e3, 2e6)
+    A: Positive(Rate) | None = None
+    ln_A: Within(Number, -50, 500) | None = None
+    depends_on_rate = True
+    depends_on_temperature = True
+
+    @model_validator(mode="after")
+    def _one_of_two(self):
+        if (self.A is None) == (self.ln_A is None):
+            why = "is missing; 'A' or its logarithm 'ln_A' is needed"
+            raise at_key("ln_A", why if self.A is None else "is given together with 'A'; one of them is enough")
+        return self
+
+    def __call__(self, strain, rate, temperature=None):
+        raised, positive = self._argument(rate, temperature)
+        # arsinh(e^x) without overflow: with p = max(x, 0) it is p + ln(e^(x-p) + sqrt(e^(2(x-p)) + e^(-2p)))
+        e = exp(raised - positive)
+        stress = positive + log(e + power(e * e + exp(-2.0 * positive), 0.5))
+        return stress / self.alpha + zeros_like(strain, rate, temperature)
+
+    def rate_derivative(self, strain, rate, temperature=None):
+        """1 / (alpha n rate) * u / sqrt(1 + u^2), u = (Z/A)^(1/n), MPa s."""
+        raised, positive = self._argument(rate, temperature)
+        e = exp(raised - positive)
+        slope = e / power(e * e + exp(-2.0 * positive), 0.5)
+        return slope / (self.alpha * self.n * maximum(rate, RATE_FLOOR)) + zeros_like(strain, rate, temperature)
+
+    def _argument(self, rate, temperature):
+        """x = ln(Z / A) / n and max(x, 0)."""
+        kelvin = maximum(self._needed(temperature) - ABSOLUTE_ZERO, 1.0)
+        ln_a = self.ln_A if self.A is None else math.log(self.A)
+        z = log(maximum(rate, RATE_FLOOR)) + self.activation_energy / (GAS_CONSTANT * kelvin)
+        x = (z - ln_a) / self.n
+        return x, maximum(x, 0.0)

@@ -11,7 +11,7 @@ from ..errors import FormingError
 from ..units import List, NonNegative, Number, Positive, Rate, Stress, Temperature, kind_of, refused
 from .columns import read_columns
 from .described import at_key
-from .flow_stress import FlowStress
+from .flow_stress import RATE_FLOOR, FlowStress
 from .functions import is_ufl, zeros_like
 
 _AXES = {"strain": NonNegative(Number), "rate": NonNegative(Rate), "temperature": Temperature}
@@ -39,7 +39,8 @@ class Table(FlowStress):
     Give either `file`, a CSV file whose columns are named strain, stress and, if needed, rate and temperature (a unit
     may follow: "stress [MPa]"; rows in any order, every combination once), or `strain`, `stress` and, if needed,
     `rate` and `temperature` as lists with stress[strain][rate][temperature], axes that are not given left out.
-    Takes numbers and arrays, not UFL expressions.
+    Between two rates stress is linear in the rate, or, with `rate_scale = "logarithmic"`, in its logarithm: hot metal
+    measured at 0.01 and 1 1/s is half-way between the two at 0.1, not a tenth. Takes numbers and arrays, not UFL.
 
     Parameters
     ----------
@@ -52,6 +53,7 @@ class Table(FlowStress):
     rate: List(_AXES["rate"]) | None = None
     temperature: List(_AXES["temperature"]) | None = None
     stress: Stresses | None = None
+    rate_scale: Literal["linear", "logarithmic"] = "linear"
     depends_on_strain = True
 
     @property
@@ -81,6 +83,12 @@ class Table(FlowStress):
                 raise at_key(
                     self._key(name), f"the {name}s are not rising: {_some(axis)}", _some(axis), "rising values"
                 )
+        if self.rate_scale == "logarithmic":
+            if "rate" not in axes:
+                raise at_key("rate_scale", "has no effect in a table without rates")
+            if axes["rate"][0] <= 0:
+                raise at_key(self._key("rate"), "0 has no logarithm; begin the rates above it", 0, "positive rates")
+            axes["rate"] = np.log(axes["rate"])
         return axes, stress
 
     def _key(self, name):
@@ -124,7 +132,8 @@ class Table(FlowStress):
         if any(map(is_ufl, (strain, rate, temperature))):
             raise FormingError("the table law takes numbers and arrays, not UFL expressions; evaluate it at points")
         axes, stress = self._grid
-        points = {"strain": strain, "rate": rate, "temperature": temperature}
+        scaled, slope = self._scaled(rate)
+        points = {"strain": strain, "rate": scaled, "temperature": temperature}
         if self.depends_on_temperature:
             self._needed(temperature)
         # one pair of (grid index, weight) per axis; the value is the sum over all corners of the cell
@@ -138,7 +147,14 @@ class Table(FlowStress):
             for _, factor in corner:
                 weight = weight * factor
             total = total + weight * stress[tuple(index for index, _ in corner)]
-        return total
+        return total if slope_along is None else total * slope
+
+    def _scaled(self, rate):
+        """The rate as its axis counts it, and the slope of that over the rate."""
+        if self.rate_scale == "linear":
+            return rate, 1.0
+        rate = np.maximum(rate, RATE_FLOOR)
+        return np.log(rate), 1.0 / rate
 
 
 def _weights(axis, value):

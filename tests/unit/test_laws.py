@@ -15,6 +15,7 @@ from fenics_forming.units import Positive, Stress
 
 GRID = {"strain": [0, 0.5, 2], "rate": [0.1, 1, 100], "temperature": [20, 1200]}
 STRESSES = [[[100 + 50 * i + 10 * j - 30 * k for k in range(2)] for j in range(3)] for i in range(3)]
+ALUMINIUM = {"alpha": "0.04 1/MPa", "n": 5.385, "activation_energy": "141.55 kJ/mol", "ln_A": 22.5}
 STEEL = {"A": 1200, "m1": -0.0025, "m2": 0.02, "m3": 0.13, "m4": -0.02}
 LAWS = [
     laws.Constant(value="100 MPa"),
@@ -30,7 +31,10 @@ LAWS = [
     laws.HenselSpittel(**STEEL),
     laws.HenselSpittel(A=1200, m1=-0.0025, m2=0.02, m3=0.1, m4=-0.02, m5=1e-4, m7=-0.1, m8=1e-5, m9=0.05),
     laws.HenselSpittel(A=5050.22, m1=-0.003126, m2=0.359206, m3=-0.168624, m7=-0.702119, m8=0.000278),
+    laws.HenselSpittel(A=5954, m1=-0.0033576, m2=0.2641, m3=-0.0868, m4=0.00022688, m8=0.0002264),
+    laws.Sinh(**ALUMINIUM),
     laws.Table(**GRID, stress=STRESSES),
+    laws.Table(**GRID, stress=STRESSES, rate_scale="logarithmic"),
     laws.Table(strain=[0, 1], stress=[100, 200]),
 ]
 
@@ -66,11 +70,35 @@ def named(law):
             * 3**0.13
             * 3 ** (1e-5 * 1150),
         ),
+        (
+            laws.Sinh(**ALUMINIUM),
+            math.asinh(math.exp((math.log(3) + 141550 / 8.314462618 / (1150 + 273.15) - 22.5) / 5.385)) / 0.04,
+        ),
     ],
     ids=lambda value: value.law if isinstance(value, laws.FlowStress) else "",
 )
 def test_value_is_the_published_formula(law, stress):
     assert law(0.4, 3.0, 1150.0) == pytest.approx(stress, rel=1e-13)
+
+
+def test_the_hyperbolic_sine_is_a_power_law_when_it_is_hot_and_slow_and_a_logarithm_when_it_is_cold_and_fast():
+    law = laws.Sinh(**ALUMINIUM)
+    assert law(0.0, 1e-8, 600.0) / law(0.0, 1e-9, 600.0) == pytest.approx(10 ** (1 / 5.385), rel=1e-3)
+    # one decade of the rate adds ln(10) / (alpha n), whatever the rate
+    assert law(0.0, 1e5, 20.0) - law(0.0, 1e4, 20.0) == pytest.approx(math.log(10) / (0.04 * 5.385), rel=1e-3)
+    assert law(0.0, 2.0, 450.0) == pytest.approx(
+        laws.Sinh(**{**ALUMINIUM, "ln_A": None}, A=math.exp(22.5))(9.0, 2.0, 450.0), rel=1e-13
+    )
+
+
+def test_a_table_with_a_logarithmic_scale_is_exact_for_a_logarithm_of_the_rate():
+    rates = [0.01, 1.0, 100.0]
+    table = laws.Table(strain=[0, 1], rate=rates, stress=[[100 + 20 * math.log10(r) for r in rates]] * 2,
+                       rate_scale="logarithmic")
+    rate = np.array([0.01, 0.1, 3.0, 99.0])
+    np.testing.assert_allclose(table(0.5, rate), 100 + 20 * np.log10(rate), rtol=1e-12)
+    np.testing.assert_allclose(table.rate_derivative(0.5, rate), 20 / math.log(10) / rate, rtol=1e-12)
+    assert table(0.5, 1e-9) == pytest.approx(60) and table.rate_derivative(0.5, 1e-9) == 0, "the edge holds"
 
 
 def test_force_of_the_frictionless_cylinder_follows_from_the_law():
@@ -323,6 +351,12 @@ def test_drive_table_from_a_file_equals_the_lists(tmp_path):
         (lambda: laws.HenselSpittel(A=1, m3=-0.1), "m3"),
         (lambda: laws.JohnsonCook(A=1, B=1, n=0.1, m=1, melting_temperature=10), "melting_temperature"),
         (lambda: laws.HenselSpittel(A=1, m6=0.1), "m6"),
+        (lambda: laws.HenselSpittel(A=1, m3=-0.1), "m3"),
+        (lambda: laws.Sinh(**{**ALUMINIUM, "ln_A": None}), "ln_A"),
+        (lambda: laws.Sinh(**ALUMINIUM, A=1e9), "ln_A"),
+        (lambda: laws.Sinh(**{**ALUMINIUM, "activation_energy": 141.55}), "activation_energy"),
+        (lambda: laws.Table(strain=[0, 1], stress=[1, 2], rate_scale="logarithmic"), "rate_scale"),
+        (lambda: laws.Table(strain=[0], rate=[0, 1], stress=[[1, 2]], rate_scale="logarithmic"), "rate"),
         (lambda: laws.Hollomon(K=1, n=2), "n"),
         (lambda: laws.Table(strain=[0, 1], stress=[[1, 2]]), "stress"),
         (lambda: laws.Table(strain=[1, 0], stress=[1, 2]), "strain"),

@@ -52,14 +52,47 @@ def test_a_material_is_one_of_a_scene_and_metal_in_its_size(name):
         return
     valid = library(name).valid
     (rate,), (temperature,) = (np.array([np.mean(getattr(valid, key))]) for key in ("rate", "temperature"))
-    strain = np.linspace(max(valid.strain[0], 1e-3), valid.strain[1], 5)
+    strain = np.linspace(max(valid.strain[0], 1e-3), valid.strain[1], 5) if valid.strain else np.zeros(5)
     stress = material.flow_stress(strain, np.full(5, rate), np.full(5, temperature))
     assert np.all(stress > (0.05 if library(name).group == "model" else 5)) and np.all(stress < 2500)
-    if library(name).material["flow_stress"]["law"] != "hensel_spittel":
+    if library(name).material["flow_stress"]["law"] not in ("hensel_spittel", "sinh", "table"):
         assert np.all(np.diff(stress) > 0), "cold metal hardens"
     if material.flow_stress.depends_on_temperature:
         cold, hot = (material.flow_stress(strain, 1.0, t) for t in valid.temperature)
         assert np.all(hot < cold), "and softens with temperature"
+
+
+HOT = [name for name in names() if name.endswith("_hot")]
+
+
+@pytest.mark.parametrize("name", HOT)
+def test_hot_metal_softens_with_temperature_and_hardens_with_rate_everywhere_in_its_range(name):
+    law, valid = Material(from_=name).flow_stress, library(name).valid
+    strain = np.linspace(*(valid.strain or (0, 1)), 9)[1:, None, None]
+    rate, temperature = np.geomspace(*valid.rate, 9)[:, None], np.linspace(*valid.temperature, 9)
+    stress = law(strain, rate, temperature)
+    assert np.all(np.diff(stress, axis=2) < 0) and np.all(np.diff(stress, axis=1) > 0)
+    assert np.all(law.rate_derivative(strain, rate[:-1], temperature) > 0)
+
+
+def test_hot_steels_aluminium_and_titanium_have_data_that_were_read_again():
+    groups = [library(name).group for name in HOT]
+    assert len(HOT) >= 10 and {"steel", "aluminium", "titanium"} <= set(groups)
+    assert not any(library(name).generic or library(name).is_recalled for name in HOT)
+
+
+@pytest.mark.parametrize("name, strain, rate, temperature, stress, within", [
+    # measured: Gleeble curves stored with the article (Metals 13 (2023) 633), which finds 7.7 % in the mean
+    ("steel_30CrMoNi_hot", 0.5, 0.1, 1050, 91.2, 0.09),
+    ("steel_30CrMoNi_hot", 0.5, 1, 1050, 120.0, 0.02),
+    ("steel_30CrMoNi_hot", 0.5, 1, 1250, 59.2, 0.02),
+    ("steel_30CrMoNi_hot", 0.5, 5, 1250, 78.8, 0.03),
+    # computed by a public program from the same constants, with R = 8.314
+    ("aluminium_6063_hot", 0.5, 3.78221803913, 470, 28.1793602855, 5e-4),
+    ("aluminium_6060_hot", 0.5, 3.78221803913, 470, 36.3902212867, 5e-4),
+])
+def test_hot_flow_stress_is_that_of_others(name, strain, rate, temperature, stress, within):
+    assert Material(from_=name).flow_stress(strain, rate, temperature) == pytest.approx(stress, rel=within)
 
 
 def test_keys_of_the_user_count_before_those_of_the_library():
@@ -130,6 +163,6 @@ def test_hot_steels_are_as_strong_as_handbooks_say(name):
 
 def test_the_rate_never_softens_a_measured_set():
     """m3 + m8 T is negative when cold; the exponent stays at 0 there, or a velocity would not be the only one."""
-    law = Material(from_="steel_C15_hot").flow_stress
+    law = Material(from_="steel_30CrMoNi_hot").flow_stress
     assert law(0.3, 10.0, 300.0) == law(0.3, 1.0, 300.0) and law.rate_derivative(0.3, 1.0, 300.0) == 0
-    assert law(0.3, 10.0, 1000.0) == pytest.approx(law(0.3, 1.0, 1000.0) * 10 ** (-0.168624 + 0.278), rel=1e-12)
+    assert law(0.3, 10.0, 1000.0) == pytest.approx(law(0.3, 1.0, 1000.0) * 10 ** (-0.0868 + 0.2264), rel=1e-12)
