@@ -8,8 +8,9 @@ from mpi4py import MPI
 from ..errors import MeshError
 from ..scene import Scene
 from . import meshing
-from .bodies import GROWTH, body_mesh
+from .bodies import body_mesh
 from .gather import gather_cells, gather_nodal
+from .grading import GROWTH
 from .nodes import Nodes
 
 

@@ -24,7 +24,7 @@ from .flow_lines import lines_at
 from .outlines import as_segments, flipped, tool_outlines
 from .plotting2d import draw, figure_size, levels_of
 from .plotting_tools import plastic_limits, plot_load_displacement, visible
-from .results import thousands
+from .readable import thousands
 from .skin import Skin
 
 FIELDS = ("effective_strain", "mean_stress", "temperature", "von_mises", "displacement")

@@ -14,7 +14,7 @@ from .plotting import FIELDS as OF_A_RUN
 from .plotting import plot_fields, plot_force_stroke
 from .plotting_tools import plot_load_displacement
 from .progress import name_and_unit
-from .results import duration, thousands
+from .readable import duration, thousands
 from .skin import Skin
 
 FIELDS = (*OF_A_RUN, "damage", "contact_pressure")

@@ -14,6 +14,7 @@ from .fields import read_frames
 from .files import ResultsError, on_rank_zero, whole_file
 from .flow_lines import FollowedLine, read_flow_line
 from .history import History
+from .readable import duration, thousands
 
 
 class Results:
@@ -214,11 +215,6 @@ def _plain(value):
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
 
 
-def thousands(largest: float) -> tuple[float, str]:
-    """Scale and prefix that keep a force readable: 884000 → (1000, "k")."""
-    return next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if abs(largest) >= 1.5 * s), (1.0, ""))
-
-
 def _facts(results):
     """(name, text) of everything worth a line in the tree."""
     history, summary, facts = results.history, results.summary, []
@@ -267,10 +263,3 @@ def _newton(results):
     if "newton_iterations" in results.history.columns:
         return [float(np.mean(results.history.column("newton_iterations")))]
     return []
-
-
-def duration(seconds):
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, seconds = divmod(round(seconds), 60)
-    return f"{minutes} min {seconds} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

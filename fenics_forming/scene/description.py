@@ -398,9 +398,9 @@ class Scene(Described):
 
     def to_toml(self):
         """The scene as TOML text; numbers in internal units, keys with their default left out."""
-        from .scene_file import scene_as_toml
+        from .toml_text import toml_text
 
-        return scene_as_toml(self)
+        return toml_text(self.as_table())
 
     @classmethod
     def json_schema(cls):

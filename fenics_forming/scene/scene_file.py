@@ -1,15 +1,11 @@
 """Scene files: reading and writing TOML, with `--set dotted.key=value`."""
 
-import re
 import tomllib
 from pathlib import Path
 
 from ..errors import SceneError
 from .description import Scene
-
-_HEADER = "# numbers are in mm, s, t, N, MPa, mJ, degC, rad\n"
-_IN_ONE_LINE = ("shape", "drive", "friction", "flow_stress", "remesh", "adaptive", "damage", "shifting",
-                "mesh_size", "held", "loads", "springs", "initial_velocity")
+from .toml_text import toml_text
 
 
 def read_scene(path, *, set=()):
@@ -40,12 +36,7 @@ def write_scene(scene, path):
     def shortened(name):
         return str(Path(name).relative_to(folder)) if Path(name).is_relative_to(folder) else name
 
-    path.write_text(_toml(_with_paths(scene.as_table(), shortened)), encoding="utf-8")
-
-
-def scene_as_toml(scene):
-    """The scene as TOML text."""
-    return _toml(scene.as_table())
+    path.write_text(toml_text(_with_paths(scene.as_table(), shortened)), encoding="utf-8")
 
 
 def _parsed(path):
@@ -102,53 +93,3 @@ def _names_a_file(key, table):
     return (key == "file" and "table" in (table.get("law"), table.get("kind"))) or (
         key == "path" and table.get("kind") in ("file", "stl")
     )
-
-
-def _toml(table):
-    import tomlkit
-
-    document = tomlkit.document()
-    for line in _HEADER.strip().splitlines():
-        document.add(tomlkit.comment(line.lstrip("# ")))
-    _fill(document, table)
-    text = tomlkit.dumps(document)
-    return re.sub(r"\n{3,}", "\n\n", text)
-
-
-def _fill(container, table):
-    import tomlkit
-
-    for key, value in sorted(table.items(), key=lambda item: _is_branch(*item)):
-        if _is_branch(key, value):
-            branch = tomlkit.table(is_super_table=all(_is_branch(*item) for item in value.items()))
-            _fill(branch, value)
-            container[key] = branch
-        elif isinstance(value, dict):
-            container[key] = _inline(value)
-        else:
-            container[key] = _one_a_line(value) if _holds_tables(value) else value
-
-
-def _is_branch(key, value):
-    return isinstance(value, dict) and key not in _IN_ONE_LINE
-
-
-def _holds_tables(value):
-    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
-
-
-def _one_a_line(tables):
-    import tomlkit
-
-    array = tomlkit.array().multiline(True)
-    array.extend(_inline(table) for table in tables)
-    return array
-
-
-def _inline(table):
-    import tomlkit
-
-    inline = tomlkit.inline_table()
-    for key, value in table.items():
-        inline[key] = _inline(value) if isinstance(value, dict) else value
-    return inline

@@ -8,7 +8,8 @@ from mpi4py import MPI
 
 from fenics_forming import kinematics, laws, meshing, scene
 from fenics_forming.errors import MeshError
-from fenics_forming.physics.bodies import CORNER_SIZE, automatic_size, body_mesh
+from fenics_forming.physics.bodies import automatic_size, body_mesh
+from fenics_forming.physics.grading import CORNER_SIZE
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.tools import known_tools
 

@@ -2,15 +2,14 @@
 
 from typing import Literal
 
-import numpy as np
 from pydantic import model_validator
 
-from ...units import AngularSpeed, Length, Number, Torque, Vector
+from ...units import AngularSpeed, Torque
 from ..described import at_key
-from .drive import UP, Drive, check_axis, unit
+from .rotation import Turning
 
 
-class RollDrive(Drive):
+class RollDrive(Turning):
     """Rotation about a fixed centre (and an axis in 3d): at a given speed, or free, with the torque on it in balance.
 
     Parameters
@@ -21,14 +20,11 @@ class RollDrive(Drive):
     """
 
     kind: Literal["roll"] = "roll"
-    centre: Vector(Length)
-    axis: Vector(Number, 3) | None = None
     speed: AngularSpeed | None = None
     torque: Torque | None = None
 
     @model_validator(mode="after")
-    def _is_a_roll(self):
-        check_axis(self.centre, self.axis)
+    def _takes_or_gives_torque(self):
         if self.speed is not None and self.torque is not None:
             raise at_key("torque", "is given together with the speed; a driven roll takes what it needs", self.torque)
         return self
@@ -37,18 +33,6 @@ class RollDrive(Drive):
     def is_free(self):
         """Whether the body turns it."""
         return self.speed is None
-
-    @property
-    def dimension(self):
-        return len(self.centre)
-
-    @property
-    def rotation_centre(self):
-        return np.array(self.centre)
-
-    @property
-    def rotation_axis(self):
-        return unit(self.axis or UP)
 
     def angular_velocity(self, time):
         return self.speed or 0.0

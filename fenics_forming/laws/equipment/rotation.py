@@ -1,4 +1,4 @@
-"""A roll that turns about a fixed centre at a given speed."""
+"""Tools that turn about a fixed centre, and the roll that does so at a given speed."""
 
 from typing import Literal
 
@@ -9,16 +9,14 @@ from ...units import AngularSpeed, Length, Number, Vector
 from .drive import UP, Drive, check_axis, unit
 
 
-class RotationDrive(Drive):
-    """Rotation about a fixed centre (and an axis in 3d): a roll.
+class Turning(Drive):
+    """Rotation about a fixed centre (and an axis in 3d).
 
     Parameters
     ----------
-    speed : rad/s, or "40 rpm"; positive counter-clockwise (about `axis`). centre : mm. axis : a direction, in 3d only.
+    centre : mm. axis : a direction, in 3d only.
     """
 
-    kind: Literal["rotation"] = "rotation"
-    speed: AngularSpeed
     centre: Vector(Length)
     axis: Vector(Number, 3) | None = None
 
@@ -38,6 +36,18 @@ class RotationDrive(Drive):
     @property
     def rotation_axis(self):
         return unit(self.axis or UP)
+
+
+class RotationDrive(Turning):
+    """Rotation about a fixed centre (and an axis in 3d): a roll.
+
+    Parameters
+    ----------
+    speed : rad/s, or "40 rpm"; positive counter-clockwise (about `axis`). centre : mm. axis : a direction, in 3d only.
+    """
+
+    kind: Literal["rotation"] = "rotation"
+    speed: AngularSpeed
 
     def angular_velocity(self, time):
         return self.speed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bodies import CORNER_REACH, CORNER_SIZE
+from ..grading import CORNER_REACH, CORNER_SIZE
 from .domains import gap_to
 from .field import Around, AtPoints
 
