@@ -294,6 +294,16 @@ def test_beyond_the_end_of_an_open_profile_the_end_point_is_closest():
     assert np.allclose(normal, [[0.6, 0.8], [-0.6, 0.8], [0, 1]], atol=ROUND_OFF)
 
 
+def test_what_slides_past_the_end_of_an_open_profile_is_free():
+    """A land ends: metal that was pressed 1e-3 mm into it is out of it an element further on, at both ends."""
+    land = Polyline([[0, 0], [1, 0]])
+    gap, normal = land.closest([[1.5, -1e-3], [-0.5, -1e-3], [0.999, -1e-3]])
+    assert np.allclose(gap, [0.5, 0.5, -1e-3], atol=1e-5) and np.allclose(normal[:2], [[1, 0], [-1, 0]], atol=3e-3)
+    # a node of the axis lies on the end of a profile that begins there, to round-off either way
+    gap, normal = land.closest([[-1e-16, -1e-6], [0, -1e-6], [0, 0]])
+    assert np.allclose(gap, [-1e-6, -1e-6, 0], atol=1e-12) and np.allclose(normal, [[0, 1]] * 3, atol=1e-6)
+
+
 def test_corners_are_the_sharp_vertices():
     assert len(solid_polygon(STAR).corners()) == len(STAR)
     assert Polyline([[0, 0], [1, 0], [2, 0.1], [2, 1]]).corners().tolist() == [[2, 0.1]]

@@ -23,6 +23,7 @@ class Pieces:
     middle: np.ndarray          # (m, 2) unit vector from the centre to the middle of an arc
     cos_half: np.ndarray        # (m,) cosine of half the angle of an arc
     angle: np.ndarray           # (m,) of an arc, positive for a left turn
+    beyond: np.ndarray          # (m, 2, 2) where a profile ends at the start or end of a piece, its direction there; else 0
 
     @classmethod
     def of(cls, points, fillet, closed):
@@ -54,13 +55,16 @@ class Pieces:
         first, last = np.arange(sides), (np.arange(sides) + 1) % n
         vertex_normal = np.where(rounded[:, None], np.nan, mean)
         none, zero = np.zeros((sides, 2)), np.zeros(sides)
+        beyond = np.zeros((sides, 2, 2))
+        if not closed:
+            beyond[0, 0], beyond[-1, 1] = -along[0], along[-1]
         segments = cls(arc_end[first], arc_start[last], _first_finite(vertex_normal[first], normals),
-                       _first_finite(vertex_normal[last], normals), normals, none, zero, none, zero, zero)
+                       _first_finite(vertex_normal[last], normals), normals, none, zero, none, zero, zero, beyond)
         # the centre of a left turn lies on the left
         side = np.sign(turns)[:, None]
         arcs = cls(arc_start, arc_end, normals[before], normals[behind], mean,
                    arc_start + side * fillet[:, None] * normals[before], fillet, -side * mean,
-                   np.cos(turns / 2), turns)
+                   np.cos(turns / 2), turns, np.zeros((n, 2, 2)))
         sides, corners = np.flatnonzero(left > tiny), np.flatnonzero(rounded)
         walk = np.argsort(np.concatenate([2 * sides + 1, 2 * corners]))
         return cls(*(np.concatenate([s[sides], c[corners]])[walk]
@@ -107,7 +111,8 @@ class Pieces:
         second = second[:, None]
         away = points - np.where(second, self.end, self.start)
         rule = np.where(second, self.end_normal, self.start_normal)
-        signed = np.linalg.norm(away, axis=1) * np.where(_dot(away, rule) >= 0, 1.0, -1.0)
+        inside = _dot(away, rule + np.where(second, self.beyond[:, 1], self.beyond[:, 0])) < 0
+        signed = np.linalg.norm(away, axis=1) * np.where(inside, -1.0, 1.0)
         # nearer than this the direction away from the vertex is round-off
         close = np.abs(signed) <= 1e-9 * self._size()
         direction = np.where(close[:, None], rule, away / np.where(close, 1.0, signed)[:, None])

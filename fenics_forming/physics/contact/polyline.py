@@ -18,8 +18,8 @@ class Polyline:
 
     ``gap = ±|x - c|``, exact on the fillets too: they are circular arcs. At a sharp vertex the sign comes
     from the mean of the two adjacent normals, which is right for a wedge of any angle. Beyond the end of an
-    open polyline the closest point is the end point and the sign is that of the last side's normal, so an
-    open profile should reach well past the workpiece. A closed polyline is a cavity when it runs
+    open polyline the closest point is the end point, and the tool falls back from there at 45 degrees: what slides
+    out of a land is free. A closed polyline is a cavity when it runs
     counter-clockwise, a solid tool when it runs clockwise; `solid_polygon` takes either sense.
 
     Parameters
