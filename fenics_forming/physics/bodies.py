@@ -136,6 +136,8 @@ def _outline(gmsh, shape, size, mirrors, touching=()):
 def _disk(gmsh, shape, size, mirrors, touching=()):
     occ = gmsh.model.occ
     body = [(2, occ.addDisk(*shape.centre, 0.0, shape.radius, shape.radius))]
+    if neck := getattr(shape, "neck", None):
+        body, _ = occ.cut(body, [(2, occ.addDisk(*shape.centre, 0.0, neck, neck))])
     through = [a for a in mirrors if shape.centre[a] < shape.radius]
     _keep_high_half(occ, body, np.append(shape.centre, 0.0), shape.radius, through)
 

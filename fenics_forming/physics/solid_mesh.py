@@ -80,6 +80,8 @@ def facing_points(scene, name: str, solids) -> dict[str, np.ndarray | None]:
             found[part] = np.concatenate([_box_points(b) for b in bounds]) if bounds else None
             continue
         pressed = away[part] <= nearest + reach if bounds else np.zeros(len(x), bool)
+        if tool.rolls:
+            pressed |= _on_face(x, "mantle", scene.axes, solid.shape)
         for contact in scene.contacts:
             for other in set(contact.between) - {part} if part in contact.between else ():
                 if other in solids and samples[other] is not None:

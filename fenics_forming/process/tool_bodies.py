@@ -92,7 +92,7 @@ def tool_body(scene: Scene, name: str, comm=MPI.COMM_WORLD) -> MeshedTool:
                     material=[(law, parts.local_cells_of(part)) for part, law in laws.items()])
     surface = np.sort(np.concatenate([faces.surface(part) for part in solids]))
     between = [c for c in scene.contacts if set(c.between) <= set(solids)]
-    return MeshedTool(name, body, parts, faces, surface, _facing(scene, nodes, surface), loads,
+    return MeshedTool(name, body, parts, faces, surface, _facing(scene, name, nodes, surface, faces), loads,
                       tuple(_part_contact(c, nodes, faces) for c in between), tuple(c.name for c in between))
 
 
@@ -141,8 +141,12 @@ def _supports_and_loads(scene: Scene, name: str, solids, faces: ToolFaces):
     return held, springs, tuple(loads)
 
 
-def _facing(scene: Scene, nodes: Nodes, surface: np.ndarray) -> np.ndarray:
-    """Facets of the surface that workpieces may reach: within half the size of a workpiece of the nearest place."""
+def _facing(scene: Scene, name: str, nodes: Nodes, surface: np.ndarray, faces: ToolFaces) -> np.ndarray:
+    """Facets of the surface that workpieces may reach: within half the size of a workpiece of the nearest place; the whole
+    mantle of a roll."""
+    tool = scene.tools[name]
+    if tool.rolls:
+        return np.sort(faces.mantle(name))
     bounds = [w.shape.bounds() for w in scene.workpieces.values() if w.shape.file is None]
     if not bounds:
         return surface

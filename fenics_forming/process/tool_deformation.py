@@ -292,7 +292,8 @@ def yielding_tools(scene: Scene, tools, comm) -> list[Deformation]:
             from .elastic_tool import ElasticTool
 
             tool = ElasticTool(scene, known.name, comm)
-            motions = ElasticMotions(tool.surface, comm, tool.compliance, frame=frame, at_rest=tool.at_rest)
+            motions = ElasticMotions(tool.surface, comm, tool.compliance, frame=frame, at_rest=tool.at_rest,
+                                     rolls=scene.tools[known.name].rolls)
             found.append(Deformation(scene, known, motions, tool))
         else:
             found.append(Deformation(scene, known, RigidMotions([-frame[0]], stiffness=frame[1])))

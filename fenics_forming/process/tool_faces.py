@@ -83,7 +83,9 @@ class ToolFaces:
             return self.surface(name)
         shape = self.solids[name].shape
         if face == "mantle" and shape.kind == "cylinder":
-            return self._mantle(name, shape)
+            return self.mantle(name)
+        if face == "neck" and getattr(shape, "neck", None):
+            return np.setdiff1d(self.surface(name), self.mantle(name))
         if hasattr(shape, "corners") and last.isdigit():
             if first == "side":
                 return self._side(name, shape.corners, int(last))
@@ -91,7 +93,12 @@ class ToolFaces:
                 return self._arc(name, shape.rounding(int(last)))
         return np.empty(0, np.int32)
 
-    def _mantle(self, name: str, shape) -> np.ndarray:
+    def mantle(self, name: str) -> np.ndarray:
+        """Owned facets of the round side of a cylinder or a circle."""
+        shape = self.solids[name].shape
+        if shape.kind == "circle":
+            away = np.linalg.norm(self._x[name] - np.asarray(shape.centre), axis=-1)
+            return self._facets[name][(np.abs(away - shape.radius) < self._slack).all(axis=1)]
         axis = np.asarray(shape.axis, float) / np.linalg.norm(shape.axis)
         along = (self._x[name] - shape.base) @ axis
         ends = [(np.abs(along - end) < self._slack).all(axis=1) for end in (0.0, shape.height)]

@@ -7,10 +7,14 @@ import numpy as np
 from ..physics.parallel import highest, lowest, total
 
 
-def point_data(field, contacts=()) -> dict[str, np.ndarray]:
-    """What a frame shows of a `ToolField`, by name, at the nodes; with contacts also the pressure between the parts."""
-    data = {"displacement_mm": field.displacement, "von_mises_MPa": field.von_mises, "mean_stress_MPa": field.mean_stress}
-    data |= stresses(field)
+def point_data(field, contacts=(), rotation: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """What a frame shows of a `ToolField`, by name, at the nodes; with contacts also the pressure between the parts.
+
+    rotation : (dim, dim) from the frame of a tool that has turned to that of space
+    """
+    shift = field.displacement if rotation is None else field.displacement @ rotation.T
+    data = {"displacement_mm": shift, "von_mises_MPa": field.von_mises, "mean_stress_MPa": field.mean_stress}
+    data |= stresses(field, rotation)
     if field.body.yields:
         data["effective_strain"] = field.plastic_strain
     if contacts:
@@ -19,9 +23,21 @@ def point_data(field, contacts=()) -> dict[str, np.ndarray]:
     return data
 
 
-def stresses(field) -> dict[str, np.ndarray]:
+def stresses(field, rotation: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Components of the stress by name, such as "stress_rr_MPa"."""
-    return {f"stress_{name}_MPa": values for name, values in zip(field.components, field.stress.T, strict=True)}
+    values = field.stress if rotation is None else _turned(field, rotation)
+    return {f"stress_{name}_MPa": of_one for name, of_one in zip(field.components, values.T, strict=True)}
+
+
+def _turned(field, rotation: np.ndarray) -> np.ndarray:
+    """Components of the stress in space, (nodes, c): R sigma Rᵀ."""
+    axes = "xyz"
+    where = [(axes.index(first), axes.index(second)) for first, second in field.components]
+    rows, columns = np.transpose(where)
+    stress, turn = np.zeros((len(field.stress), 3, 3)), np.eye(3)
+    stress[:, rows, columns] = stress[:, columns, rows] = field.stress
+    turn[: len(rotation), : len(rotation)] = rotation
+    return (turn @ stress @ turn.T)[:, rows, columns]
 
 
 def contact_numbers(contact, comm) -> dict[str, float]:

@@ -49,8 +49,7 @@ class ToolFrames:
             contacts = getattr(tool.solver, "contacts", ())
             parts = tool.meshed.parts
             cells = {"body": parts.of_cell.astype(np.int32)} if len(parts.names) > 1 else None
-            data = point_data(deformation.field(), contacts)
-            data["displacement_mm"] = motion.turn(data["displacement_mm"])
+            data = point_data(deformation.field(), contacts, motion.rotation() if motion.angle else None)
             self._writers[deformation.name].write(tool.body.nodes, step=step, time=time, point_data=data, cell_data=cells,
                                                   positions=motion.to_space(tool.body.nodes.x))
 

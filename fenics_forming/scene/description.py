@@ -148,6 +148,12 @@ class Tool(Solid, RigidTool):
         """Whether it is given as a body, by a material or by parts, that could deform."""
         return self.material is not None or bool(self.parts)
 
+    @property
+    def rolls(self):
+        """Whether it is round and turns, so that all of its mantle comes to the workpiece in time."""
+        return self.drive is not None and self.drive.rotation_centre is not None and not self.parts and \
+            self.shape.kind in ("circle", "cylinder")
+
     def solids(self, name):
         """Its bodies by name, each with the keys of `Solid` and a shape: its parts, or itself as ``name``."""
         return dict(self.parts) if self.parts else {name: self}

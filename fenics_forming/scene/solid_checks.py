@@ -170,6 +170,8 @@ def _faces(scene, shapes):
     found.append("surface")
     if any(shape.kind == "cylinder" for shape in shapes):
         found.append("mantle")
+    if any(getattr(shape, "neck", None) for shape in shapes):
+        found.append("neck")
     sides = max((len(shape.corners) for shape in shapes if hasattr(shape, "corners")), default=0)
     rounded = {k + 1 for shape in shapes if hasattr(shape, "corners") for k, r in enumerate(shape.radii) if r > 0}
     return found + [f"side_{k}" for k in range(1, sides + 1)] + [f"fillet_{k}" for k in sorted(rounded)]

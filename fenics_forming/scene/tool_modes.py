@@ -14,20 +14,18 @@ def tool_mode_problems(scene):
             sentence = "is missing; the tool deforms, since its material has elastic constants, and nothing holds it; " \
                        "name the faces where its drive takes hold, or say process.tool_deformation = 'rigid'"
             yield SceneError(sentence, key=f"tools.{name}.held", allowed="a table such as { z_high = 'z' }")
+        for key, solid in ((f"tools.{name}", tool), *((f"tools.{name}.parts.{n}", part) for n, part in tool.parts.items())):
+            if set(solid.held.get("surface", ())) == set(scene.axes):
+                sentence = "holds all of the surface on all axes; nothing of it is left that could deform"
+                yield SceneError(sentence, key=f"{key}.held.surface", got=list(solid.held["surface"]),
+                                 allowed="faces where the drive takes hold")
         yield from mirror_problems(scene, name)
     if deforming and scene.solver.linear == "iterative":
         yield SceneError("does not know of tools that deform; expected 'direct' or 'auto'", key="solver.linear",
                          got="iterative", allowed="direct, auto")
-    for name in scene.yielding_tools:
-        drive = scene.tools[name].drive
-        if getattr(drive, "is_free", False):
-            yield SceneError("is turned by the body; that is not available for tools that deform",
-                             key=f"tools.{name}.drive", got=drive.kind, allowed="a drive that knows its motion")
     given = scene.process.tool_deformation
     for name in scene.yielding_tools if given in ("separate", "coupled") else ():
-        if (drive := scene.tools[name].drive) is not None and drive.force_limit is not None:
-            sentence = f"'{given}' solves the tool '{name}' after its press, whose force limit makes the motion part of " \
-                       "the solve"
+        if sentence := _must_be_iterated(name, scene.tools[name].drive, given):
             yield SceneError(sentence, key="process.tool_deformation", got=given, allowed="'iterated' or 'stress_only'")
     if scene.process.says("tool_deformation") and given != "rigid" and not scene.yielding_tools:
         sentence = f"'{given}', but no tool deforms; give one a 'material' with 'young' and 'poisson', or its drive a " \
@@ -45,6 +43,20 @@ def tool_mode_problems(scene):
     if scene.process.says("tool_guard") and given != "coupled":
         yield SceneError("guards the mode 'coupled' only", key="process.tool_guard", got=scene.process.tool_guard,
                          allowed="process.tool_deformation = 'coupled'")
+
+
+def _must_be_iterated(name, drive, given):
+    """Why a tool with this drive cannot be solved after the workpiece, in the mode ``given``; None where it can."""
+    if drive is None:
+        return None
+    if drive.force_limit is not None:
+        return f"'{given}' solves the tool '{name}' after its press, whose force limit makes the motion part of the solve"
+    if getattr(drive, "is_free", False):
+        return f"'{given}' solves the tool '{name}' after the body that turns it, so that the turn is part of the solve"
+    if given == "coupled" and drive.rotation_centre is not None:
+        return f"'coupled' lets the surface of '{name}' go on deforming as it did, but it turns, and other places come " \
+               "under load"
+    return None
 
 
 def mirror_problems(scene, name):

@@ -4,6 +4,7 @@ Every tool shape answers `dimension`, `bounds()` and `depth(points)`: how deep p
 outside, as far as it is known before a mesh is made.
 """
 
+import math
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -89,11 +90,25 @@ class CircleTool(_Round):
 
     Parameters
     ----------
-    centre, radius : mm. hollow : the workpiece lies inside.
+    centre, radius : mm. hollow : the workpiece lies inside. neck : radius, mm, of the neck of a roll that deforms; the
+    roll is meshed outside of it, and `held = { neck = ["x", "y"] }` is where its drive takes hold.
     """
 
     kind: Literal["circle"] = "circle"
     centre: PlanePoint
+    neck: Positive(Length) | None = None
+
+    @model_validator(mode="after")
+    def _neck_is_inside(self):
+        if self.neck is not None and (self.hollow or self.neck >= self.radius):
+            sentence = "belongs to a roll; the workpiece lies inside of a hollow circle" if self.hollow else \
+                f"{self.neck:g} mm is not smaller than the radius, {self.radius:g} mm"
+            raise at_key("neck", sentence, self.neck, None if self.hollow else f"below {self.radius:g}")
+        return self
+
+    def volume_or_area(self):
+        """Area, mm^2, outside of the neck."""
+        return math.pi * (self.radius**2 - (self.neck or 0.0) ** 2)
 
     def boundary_points(self, spacing):
         """Points on the circle, mm, shape (n, 2)."""

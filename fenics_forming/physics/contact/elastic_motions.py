@@ -45,6 +45,7 @@ class ElasticMotions(FreeMotions):
     compliance : f(dofs (k,)) → (k, k) mm/N, of the modelled part. Collective
     at_rest : (n, dim) mm, displacements without contact, None where there are none
     frame : direction (dim,) and stiffness, N/mm, of a press frame in series, or None
+    rolls : whether it turns, so that it leaves nodes behind that contact will not reach again for a while
 
     Attributes
     ----------
@@ -53,7 +54,8 @@ class ElasticMotions(FreeMotions):
     """
 
     def __init__(self, surface: ToolSurface, comm, compliance, *, frame: tuple[np.ndarray, float] | None = None,
-                 at_rest: np.ndarray | None = None):
+                 at_rest: np.ndarray | None = None, rolls: bool = False):
+        self._rolls = rolls
         self.surface, self._comm, self._compliance, self._frame = surface, comm, compliance, frame
         self.deformed, self._dim = DeformedSurface(surface), surface.dim
         self.unknown = np.empty(0, dtype=np.int64)
@@ -76,19 +78,24 @@ class ElasticMotions(FreeMotions):
         if self.surface.facing.sum() * dim <= ALL:
             near |= self.surface.facing
         wanted = free & np.repeat(near, dim)
-        wanted[self.unknown] = True
+        if not self._rolls or wanted.sum() + len(self.unknown) <= ALL:
+            wanted[self.unknown] = True
         self._take(np.flatnonzero(wanted))
 
     def _take(self, unknown: np.ndarray) -> None:
-        """Other unknowns, the present ones among them; new nodes are where they are without traction. Collective."""
-        S = self._compliance(self.surface.dofs.ravel()[unknown])
+        """Other unknowns; nodes that are new, and those that are left behind, are where they are without traction.
+        Collective."""
+        both = np.union1d(unknown, self.unknown)
+        S = self._compliance(self.surface.dofs.ravel()[both])
         if self._frame is not None:
-            along = np.asarray(self._frame[0], float)[unknown % self._dim]
+            along = np.asarray(self._frame[0], float)[both % self._dim]
             S = S + np.outer(along, along) / self._frame[1]
-        old, K = np.searchsorted(unknown, self.unknown), self.stiffness
+        now_at = np.searchsorted(both, unknown)
+        from_old, S, K = S[np.ix_(now_at, np.searchsorted(both, self.unknown))], S[np.ix_(now_at, now_at)], self.stiffness
+        _, old, kept = np.intersect1d(unknown, self.unknown, assume_unique=True, return_indices=True)
 
         def carried(values: np.ndarray) -> np.ndarray:
-            return S[:, old] @ (K @ values)
+            return from_old @ (K @ values)
 
         now, then = self.solved_at[0, self.unknown], self.solved_at[0, unknown]
         self.displacement = then + carried(self.displacement - now)
@@ -98,11 +105,11 @@ class ElasticMotions(FreeMotions):
             values = getattr(self, name)
             if values is not None:
                 setattr(self, name, np.zeros(len(unknown)))
-                getattr(self, name)[old] = values
+                getattr(self, name)[old] = values[kept]
         if self._start is not None:
             time, values, speed = self._start
             self._start = time, np.zeros(len(unknown)), speed
-            self._start[1][old] = values
+            self._start[1][old] = values[kept]
         self.unknown, self.count = unknown, len(unknown)
         self.stiffness = np.linalg.inv(S)
         self.stiffness = 0.5 * (self.stiffness + self.stiffness.T)
