@@ -181,13 +181,15 @@ def test_products_on_one_rank_are_those_of_the_tangent(bent):
 
     stack = Stack(3, 3, 2)
     nodes, contact = stack.nodes, stack.contact
-    contact._free = (np.abs(nodes.x) > 1e-9).astype(float)
+    node_of = contact.unknowns[:, 0] // 3       # among those of the unknowns, whose order is not that of the mesh
+    places = np.empty((stack.owned // 3, 3))
+    places[stack.V.dofmap.list] = nodes.x[stack.mesh.geometry.dofmap]
+    contact.free = (np.abs(places[node_of]) > 1e-9).astype(float)
     x = nodes.x + bent * (nodes.x[:, :1] - 0.3 * SIDE) ** 2 / SIDE * [0, 0, 1]
     contact.search(x, 1.0)
     contact.respond(vector_of(stack, lambda x: 1e-3 * np.sin(x[:, ::-1] / SIDE)), touching=1e-6)
     contact._tangent += 0.1 * np.random.default_rng(1).normal(size=contact._tangent.shape) * np.abs(contact._tangent).max()
-    node_of, axis_of = np.divmod(np.arange(stack.owned), 3)
-    products = CarriedProducts(contact.G, node_of, axis_of)
+    products = CarriedProducts(contact.rows, node_of, contact.free)
     assert (products._flat is not None) == (bent == 0.0)
     u = np.random.default_rng(0).normal(size=(stack.owned // 3, 3))
     vector, out = vector_of(stack, lambda x: 0.0 * x).copy(), np.zeros_like(u)

@@ -30,8 +30,9 @@ from ..parallel import lowest, total
 from ..surface import facet_sides
 from . import point_law as law
 from .capture import CapturingSurface
-from .carriers import Carriers, means, turning
+from .carriers import Carriers, means
 from .gap_operator import NodeTraces, gap_operator
+from .gap_rows import gap_rows
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
@@ -63,7 +64,8 @@ class BodyContact:
     ----------
     state : `CarrierState` · weights : (carriers,) mm², the surface of each that is over the other body
     point_gap, point_weights : (points,) gaps that the points see, mm, and their surfaces, mm²
-    unknowns : (nodes, dim) global numbers of the unknowns of both surfaces, on all ranks
+    unknowns : (nodes, dim) global numbers of the unknowns of both surfaces, on all ranks · free : (nodes, dim) 0 where held
+    rows : `GapRows` of the last search, of the same nodes
     seconds : CPU time spent on search, operator, law, forces and tangent
     """
 
@@ -73,24 +75,29 @@ class BodyContact:
         self.nodes, self.dim = nodes, nodes.dim
         self.points = SlavePoints(facet_sides(nodes, slave), kinematics, nodes.dim, element)
         self._master = facet_sides(nodes, master)
-        self._dofs, self._owned = dofs, owned
+        self._owned = owned
         self.friction, self.interference = friction, interference
         self.slip_regularisation = self.slip0 = slip_regularisation
         self.coefficient = self.dt = 1.0
         self._guessed = False       # whether the last response closed carriers on suspicion: they open without ado
         self.seconds = 0.0
         self._numbers = _everywhere(nodes.comm, _global(nodes, self._master))
-        self._columns = _everywhere(nodes.comm, dofs[self._master])
-        self._free = np.ones(dofs.shape) if free is None else free.astype(float)
-        self._free_master = _everywhere(nodes.comm, self._free[self._master])
+        self._surface_of_master: CapturingSurface | None = None
         self.carriers = Carriers(nodes.comm, _global(nodes, self.points.corners), self.dim)
         self.carriers.group(self.points.corner_normals(nodes.x))
         self.state = CarrierState.at_rest(self.carriers.count, self.dim)
         self.state.groups = self.carriers.groups
         self.silence()
         self.G = self._K = self._inner = self._traces = None
-        unknowns = np.concatenate([_everywhere(nodes.comm, dofs[self.points.sides]), self._columns]).reshape(-1, self.dim)
-        self.unknowns = unknowns[np.unique(unknowns[:, 0], return_index=True)[1]]
+        of_sides = [_everywhere(nodes.comm, dofs[sides]) for sides in (self.points.sides, self._master)]
+        every = np.concatenate(of_sides).reshape(-1, self.dim)
+        self.unknowns = every[np.unique(every[:, 0], return_index=True)[1]]
+        self._places, self._master_places = (
+            np.searchsorted(self.unknowns[:, 0], numbers[..., 0]) for numbers in (dofs[self.points.sides], of_sides[1]))
+        self.free = np.ones(self.unknowns.shape)
+        if free is not None:
+            frees = [_everywhere(nodes.comm, free[sides].astype(float)) for sides in (self.points.sides, self._master)]
+            self.free[np.searchsorted(self.unknowns[:, 0], every[:, 0])] = np.concatenate(frees).reshape(-1, self.dim)
 
     # ------------------------------------------------------------------ pairing
     def search(self, x: np.ndarray, dt: float, reach: float = np.inf, soon: float = np.inf, fade: float = 1.0) -> None:
@@ -103,8 +110,12 @@ class BodyContact:
         start = process_time()
         self.dt = dt
         at = self.points.trace(x)
-        surface = CapturingSurface(_everywhere(self.nodes.comm, x[self._master]), self._numbers)
-        self._found = found = surface.capture(at, reach + self.interference)
+        master = _everywhere(self.nodes.comm, x[self._master])
+        if self._surface_of_master is None:
+            self._surface_of_master = CapturingSurface(master, self._numbers)
+        else:
+            self._surface_of_master.follow(master)
+        self._found = found = self._surface_of_master.capture(at, reach + self.interference)
         self.point_weights, outward = self._surface(x)
         facing = np.einsum("pi,pi->p", outward, found.normal) < FACING
         gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
@@ -135,7 +146,7 @@ class BodyContact:
         """What may press on one another, each pair as one number: a carrier, by its first corner, and a side of the master,
         or of the slave itself whose nodes it moves."""
         near, side, point, corner = self._counting()
-        masters = len(self._columns)
+        masters = len(self._master_places)
         carrier = self.carriers.own[side[point], corner]
         first = self.carriers.first_corner[carrier] * np.int64(masters + self.carriers.corners)
         of_slave = masters + self.carriers.own_sides[side]
@@ -162,7 +173,7 @@ class BodyContact:
 
     def _build(self) -> None:
         """Surface, gap, normal and gap operator of the carriers; rows of those over nothing are empty. Collective."""
-        dim, carriers, state = self.dim, self.carriers, self.state
+        carriers, state, dim = self.carriers, self.state, self.dim
         near, side, point, corner = self._counting()
         facet = self._found.facet[near]
         self._share = self._counted[:, None] * np.tile(self.points.basis, (len(self.points.sides), 1))
@@ -175,25 +186,25 @@ class BodyContact:
         normal = np.where(over[:, None], sums[:, 2:] / np.where(over, length, 1.0)[:, None], np.eye(dim)[-1])
         carrier = carriers.own[side[point], corner]
         share = self._share[near[point], corner] * np.where(over, 1.0 / np.where(over, weight, 1.0), 0.0)[carrier]
-        turn = turning(self._found.normal[near[point]], normal[carrier])
-        back = [np.bincount(carrier, share * turn[:, j, i], carriers.total) for i in range(dim) for j in range(dim)]
-        self._back = carriers.mine(total(self.nodes.comm, np.stack(back, axis=1))).reshape(-1, dim, dim)
+        shape = self.points.shape[near % self.points.per_side]
+        self.rows = gap_rows(carrier, point, share, nodes=len(self.unknowns), means=normal,
+                             places=np.concatenate([self._places[side], self._master_places[facet]], axis=1),
+                             shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
+                             normals=self._found.normal[near])
+        self._back = carriers.mine(total(self.nodes.comm, self.rows.back))
         self.weights = carriers.mine(np.where(over, weight, 0.0))
         state.gap, state.normal = carriers.mine(np.where(over, mean[:, 0], np.inf)), carriers.mine(normal)
         for old in (self.G, self._K, self._inner):
             if old is not None:
                 old.destroy()
         self._K = self._inner = self._traces = None
-        shape = self.points.shape[near % self.points.per_side]
-        own = self.points.sides[side]
-        self.G = gap_operator(self.nodes.comm, carriers, self._owned, point=point, carrier=carrier, share=share,
-                              turn=turn, shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
-                              dofs=np.concatenate([self._dofs[own], self._columns[facet]], axis=1),
-                              free=np.concatenate([self._free[own], self._free_master[facet]], axis=1))
+        self.G = gap_operator(self.nodes.comm, carriers, self._owned, self.rows, unknowns=self.unknowns, free=self.free)
 
     def _keep_one_face(self) -> None:
         """Points whose normals are far from the mean of their carrier do not count in it: of two faces of the master around
         a sharp edge a carrier keeps the one that more of it is over. Collective."""
+        if self._meets_one_face():
+            return
         sides = np.repeat(np.arange(len(self.points.sides)), self.points.per_side)
         for _ in range(FACE_STEPS):
             normal = self._sums(self._found.normal)
@@ -202,6 +213,13 @@ class BodyContact:
             if lowest(self.nodes.comm, float(cosine[self._share > 0].min(initial=1.0))) >= ONE_FACE:
                 return
             self._share = self._share * np.clip((cosine - OTHER_FACE) / (ONE_FACE - OTHER_FACE), 0.0, 1.0)
+
+    def _meets_one_face(self) -> bool:
+        """Whether all normals are so near to their mean that none can be far from that of a carrier. Collective."""
+        normal = self._found.normal[self._near]
+        mean = total(self.nodes.comm, normal.sum(axis=0))
+        half = np.sqrt((1.0 + ONE_FACE) / 2)       # cosine of half the angle: two such make the whole at most
+        return lowest(self.nodes.comm, float((normal @ mean).min(initial=np.inf))) >= half * np.linalg.norm(mean)
 
     def _sums(self, values: np.ndarray) -> np.ndarray:
         """Surface integrals over the hats of all carriers of values (points, c), (all carriers, c). Collective."""

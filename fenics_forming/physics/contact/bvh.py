@@ -68,6 +68,30 @@ def build(low, high):
 
 
 @_compile
+def refit(triangles, boxes):
+    """The boxes of a tree, in place, for triangles (m, 3, 3), sorted as the tree is, that have moved since it was built."""
+    nodes = len(boxes)
+    ranges = np.empty((nodes, 2), np.int64)
+    ranges[0, 0], ranges[0, 1] = 0, len(triangles)
+    for node in range((nodes - 1) // 2):
+        lo, hi = ranges[node, 0], ranges[node, 1]
+        middle = (lo + hi) // 2
+        ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = lo, middle
+        ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = middle, hi
+    for node in range(nodes - 1, -1, -1):
+        for k in range(3):
+            least, most = np.inf, -np.inf
+            if 2 * node + 2 < nodes:
+                least = min(boxes[2 * node + 1, 0, k], boxes[2 * node + 2, 0, k])
+                most = max(boxes[2 * node + 1, 1, k], boxes[2 * node + 2, 1, k])
+            else:
+                for i in range(ranges[node, 0], ranges[node, 1]):
+                    for corner in range(3):
+                        least, most = min(least, triangles[i, corner, k]), max(most, triangles[i, corner, k])
+            boxes[node, 0, k], boxes[node, 1, k] = least, most
+
+
+@_compile
 def _box_distance2(boxes, node, x):
     total = 0.0
     for k in range(x.size):
@@ -131,7 +155,7 @@ def _closest_on_triangle(t, i, x, c):
 
 
 @_compile
-def nearest_triangles(triangles, order, boxes, points):
+def nearest_triangles(triangles, order, boxes, points, within=np.inf):
     """Nearest triangle of every point.
 
     Parameters
@@ -141,21 +165,23 @@ def nearest_triangles(triangles, order, boxes, points):
     order, boxes
         From `build`.
     points : array (n, 3)
+    within : float
+        Squared distance beyond which nothing is looked for.
 
     Returns
     -------
     nearest : int array (n,)
-        Number of the triangle before sorting.
+        Number of the triangle before sorting, -1 where none is near enough.
     feature : int array (n,)
         What of it is nearest: 0..2 its corner, 3..5 its edge ab, bc, ca, 6 its face.
     closest : array (n, 3)
         Closest point.
     """
     n, leaves = len(points), (len(boxes) - 1) // 2
-    nearest, feature, closest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3))
+    nearest, feature, closest = np.full(n, -1), np.zeros(n, np.int64), np.zeros((n, 3))
     stack, reach, c = np.empty((64, 3), np.int64), np.empty(64), np.empty(3)
     for p in range(n):
-        x, best = points[p], np.inf
+        x, best = points[p], within
         stack[0, 0], stack[0, 1], stack[0, 2], reach[0], top = 0, 0, len(order), 0.0, 1
         while top > 0:
             top -= 1

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..locating import by_coordinate
-from ..nodes import quadratic_shapes
-from .bvh import build, nearest_triangles
+from ..nodes import EDGES, quadratic_shapes
+from .bvh import build, nearest_triangles, refit
+from .feet import find_feet
 
 PIECES = 4          # flat pieces along the edge of a facet, for the search
-STEPS = 12          # of Gauss-Newton for the foot of the perpendicular; the distance is small against the curvature
 SLACK = 0.25        # of the size of a facet: flat pieces are nearer to a point than the facet itself, by less than that
-SETTLED = 1e-13     # of a barycentric coordinate: where no foot moves any more, no step is needed
 OVERHANG = 1e-6     # of the size of a facet: a point that reaches farther over the rim of the surface is not over it
 
 
@@ -42,24 +40,34 @@ class CapturingSurface:
     """
 
     def __init__(self, nodes: np.ndarray, numbers: np.ndarray):
-        self._nodes, self.dim = nodes, nodes.shape[2]
+        self.dim = nodes.shape[2]
         lattice, self._pieces = side_lattice(self.dim, PIECES)
-        self._lattice = lattice
-        shapes = quadratic_shapes(lattice, self.dim - 1)
-        at = _in_space(np.einsum("pa,fak->fpk", shapes, nodes))
-        flat = at[:, self._pieces].reshape(-1, 3, 3)
+        self._middles, self._ends = lattice[self._pieces].mean(axis=1), np.array(EDGES[self.dim - 1])
+        self._shapes = quadratic_shapes(lattice, self.dim - 1)
+        self._rim = _rim(numbers[:, : self.dim])
+        flat = self._flat(nodes)
         order, boxes = build(flat.min(axis=1), flat.max(axis=1))
         self._tree = flat[order], order, boxes
-        self._rim = _rim(numbers[:, : self.dim])
-        edges = nodes[:, 1: self.dim] - nodes[:, :1]
-        self._size = np.linalg.norm(edges, axis=2).max(axis=1)
+
+    def follow(self, nodes: np.ndarray) -> None:
+        """Take over other positions of the nodes, (f, 3 | 6, dim), mm."""
+        flat, (_, order, boxes) = self._flat(nodes), self._tree
+        self._tree = flat[order], order, boxes
+        refit(self._tree[0], boxes)
+
+    def _flat(self, nodes: np.ndarray) -> np.ndarray:
+        """Flat pieces of sides with these nodes, (pieces, 3, 3)."""
+        self._nodes = np.ascontiguousarray(nodes)
+        self._size = np.linalg.norm(nodes[:, 1: self.dim] - nodes[:, :1], axis=2).max(axis=1)
+        return _in_space(np.matmul(self._shapes, self._nodes))[:, self._pieces].reshape(-1, 3, 3)
 
     def capture(self, points: np.ndarray, reach: float = np.inf) -> Captured:
         """Sides and feet for points (k, dim), mm; what is farther off than ``reach``, mm, is over nothing."""
-        piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)))
-        facet, part = np.divmod(piece, len(self._pieces))
+        within = (reach + SLACK * self._size.max(initial=0.0)) ** 2
+        piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)), within)
+        facet, part = np.divmod(np.maximum(piece, 0), len(self._pieces))
         distance = np.linalg.norm(closest[:, : self.dim] - points, axis=1)
-        chosen = np.flatnonzero(distance <= reach + SLACK * self._size[facet])
+        chosen = np.flatnonzero((piece >= 0) & (distance <= reach + SLACK * self._size[facet]))
         found = self._feet(points[chosen], facet[chosen], part[chosen])
         if len(chosen) == len(points):
             return found
@@ -72,31 +80,9 @@ class CapturingSurface:
 
     def _feet(self, points: np.ndarray, facet: np.ndarray, part: np.ndarray) -> Captured:
         """Where points (k, dim) lie over given sides, of which a piece is nearest."""
-        p = self._nodes[facet]
-        inner = self._lattice[self._pieces[part]].mean(axis=1)
-        for _ in range(STEPS):
-            foot, tangents = self._at(inner, p)
-            metric = np.matmul(tangents, np.swapaxes(tangents, 1, 2))
-            metric += 1e-14 * np.trace(metric, axis1=1, axis2=2)[:, None, None] * np.eye(self.dim - 1)
-            step = np.linalg.solve(metric, np.einsum("kti,ki->kt", tangents, points - foot)[..., None])[..., 0]
-            free = np.concatenate([inner[:, :1] - step.sum(axis=1, keepdims=True), inner[:, 1:] + step], axis=1)
-            before, inner = inner, np.clip(free, 0.0, None)
-            inner /= inner.sum(axis=1, keepdims=True)
-            if np.abs(inner - before).max(initial=0.0) < SETTLED:
-                break
-        foot, tangents = self._at(inner, p)
-        normal = tangents[:, 0, ::-1] * [1.0, -1.0] if self.dim == 2 else np.cross(tangents[:, 0], tangents[:, 1])
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        away = points - foot
-        gap = np.einsum("ki,ki->k", away, normal)
-        beside = np.linalg.norm(away - gap[:, None] * normal, axis=1) > OVERHANG * self._size[facet]
-        at_rim = ((inner < 1e-12) & self._rim[facet]).any(axis=1)
-        return Captured(facet, quadratic_shapes(inner, self.dim - 1), gap, normal, ~(beside & at_rim))
-
-    def _at(self, inner, p):
-        """Points (k, dim) of the sides with nodes p at barycentric coordinates, and tangents (k, dim - 1, dim)."""
-        slope = by_coordinate(inner, p)
-        return np.einsum("ka,kai->ki", quadratic_shapes(inner, self.dim - 1), p), slope[:, 1:] - slope[:, :1]
+        shapes, gap, normal, over = find_feet(np.ascontiguousarray(points), facet, self._middles[part], self._nodes,
+                                              self._ends, self._rim, OVERHANG * self._size)
+        return Captured(facet, shapes, gap, normal, over)
 
 
 def _rim(vertices: np.ndarray) -> np.ndarray:

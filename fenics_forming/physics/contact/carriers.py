@@ -127,12 +127,3 @@ def _joints(numbers: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray, tupl
     pair, a, b = np.nonzero(numbers[one][:, :, None] == numbers[other][:, None, :])
     k = numbers.shape[1]
     return edge.reshape(-1, dim), shared[pair], (one[pair] * k + a, other[pair] * k + b)
-
-
-def turning(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """The smallest rotations that turn unit vectors (n, dim) into others, (n, dim, dim)."""
-    dim = start.shape[1]
-    cosine = np.einsum("ni,ni->n", start, end)[:, None, None]
-    both = start + end
-    along = both[:, :, None] * both[:, None, :] / np.maximum(1.0 + cosine, 1e-12)
-    return np.eye(dim) - along + 2.0 * end[:, :, None] * start[:, None, :]

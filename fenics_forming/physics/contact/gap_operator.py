@@ -7,55 +7,45 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from .carriers import Carriers
+from .gap_rows import GapRows
 
 
-def gap_operator(comm, carriers: Carriers, owned: int, *, point: np.ndarray, carrier: np.ndarray, share: np.ndarray,
-                 turn: np.ndarray, shapes: np.ndarray, dofs: np.ndarray, free: np.ndarray) -> PETSc.Mat:
+def gap_operator(comm, carriers: Carriers, owned: int, rows: GapRows, *, unknowns: np.ndarray,
+                 free: np.ndarray) -> PETSc.Mat:
     """The gap operator, (carriers of this rank · dim) x unknowns. Collective.
 
     Parameters
     ----------
-    owned : unknowns of this rank
-    point, carrier, share : (m,) points and the carriers in which they count, and how much · turn : (m, dim, dim)
-    shapes : (p, n) at the points the shape functions of the slave, and those of the master taken negative
-    dofs, free : (p, n, dim) global unknowns of their nodes, and 0 where one is given
+    owned : unknowns of this rank · rows : what this rank's points give
+    unknowns, free : (nodes, dim) global numbers of the unknowns of the nodes, and 0 where one is given
     """
-    points, dim = len(shapes), dofs.shape[2]
-    _, one, node = np.unique(dofs[..., 0], return_index=True, return_inverse=True)
-    dof_of, free_of = dofs.reshape(-1, dim)[one].ravel(), free.reshape(-1, dim)[one].ravel()
-    at_nodes = np.repeat(np.arange(points), shapes.shape[1]), node.ravel()
-    trace = lambda values: sparse.csr_matrix((values.ravel(), at_nodes), (points, len(one)))  # noqa: E731
-    mean = lambda values: sparse.csr_matrix((values, (carrier, point)), (carriers.total, points))  # noqa: E731
-    traces = trace(shapes)
-    # a product leaves out what happens to be zero; the pattern must be that of the pairs alone
-    place = (mean(np.ones_like(share)) @ trace(np.ones_like(shapes))).tocoo()
-    flat = bool(np.abs(turn - np.eye(dim)).max(initial=0.0) < 1e-14)
-    alike = (mean(share) @ traces).tocoo() if flat else None        # for every axis
-    rows, columns, values = [], [], []
+    dim, carrier, flat = unknowns.shape[1], rows.carrier, rows.blocks.shape[1] == 1
+    parts = []
     for i in range(dim):
-        rows.append(place.row * dim + i)
-        columns.append(place.col * dim + i)
-        values.append(np.zeros(place.nnz))
         for j in range(dim):
-            if i != j and (flat or not turn[:, i, j].any()):
-                continue
-            found = alike if flat else (mean(share * turn[:, i, j]) @ traces).tocoo()
-            rows.append(found.row * dim + i)
-            columns.append(found.col * dim + j)
-            values.append(found.data * free_of[columns[-1]])
-    rows, columns, values = (np.concatenate(a) for a in (rows, columns, values))
+            # the pattern must be that of the pairs: what happens to be zero stays in, on the diagonal
+            values = rows.blocks[:, 0, 0] if flat else rows.blocks[:, i, j]
+            if i == j or not flat and values.any():
+                parts.append((carrier * dim + i, unknowns[rows.node, j], values * free[rows.node, j]))
+    row, column, values = (np.concatenate(a) for a in zip(*parts, strict=True))
     first, last = carriers.first * dim, (carriers.first + carriers.count) * dim
-    mine = (rows >= first) & (rows < last)
-    foreign = _from_others(comm, first, last, (rows[~mine], dof_of[columns[~mine]], values[~mine]))
-    unknown = np.unique(np.concatenate([dof_of, foreign[1]]))
-    rows, values = np.concatenate([rows[mine], foreign[0]]) - first, np.concatenate([values[mine], foreign[2]])
-    columns = np.concatenate([np.searchsorted(unknown, dof_of)[columns[mine]], np.searchsorted(unknown, foreign[1])])
-    matrix = sparse.coo_matrix((values, (rows, columns)), (carriers.count * dim, len(unknown))).tocsr()
+    if comm.size > 1:
+        row, column, values = _exchanged(comm, first, last, (row, column, values))
+    every, place = _places(unknowns, column)
+    matrix = sparse.coo_matrix((values, (row - first, place)), (carriers.count * dim, len(every))).tocsr()
     matrix.sort_indices()
     index = PETSc.IntType
     return PETSc.Mat().createAIJ(
         ((carriers.count * dim, None), (owned, None)), comm=comm,
-        csr=(matrix.indptr.astype(index), unknown[matrix.indices].astype(index), matrix.data))
+        csr=(matrix.indptr.astype(index), every[matrix.indices].astype(index), matrix.data))
+
+
+def _places(unknowns: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of unknowns in rising order, and where in them the ``column`` of each entry is."""
+    every = np.sort(unknowns, axis=None)
+    place = np.empty(every[-1] - every[0] + 1, np.int64)
+    place[every - every[0]] = np.arange(len(every))
+    return every, place[column - every[0]]
 
 
 class NodeTraces:
@@ -88,8 +78,10 @@ class NodeTraces:
         return blocks
 
 
-def _from_others(comm, first: int, last: int, entries) -> tuple[np.ndarray, ...]:
-    """Of entries (rows, columns, values) that ranks have found for rows of others, those for this one's. Collective."""
-    every = [np.concatenate(parts) for parts in zip(*comm.allgather(entries), strict=True)]
+def _exchanged(comm, first: int, last: int, entries) -> tuple[np.ndarray, ...]:
+    """Of entries (rows, columns, values) those of the rows of this rank, its own and what others have found. Collective."""
+    mine = (entries[0] >= first) & (entries[0] < last)
+    others = comm.allgather(tuple(part[~mine] for part in entries))
+    every = [np.concatenate([part[mine], *found]) for part, found in zip(entries, zip(*others, strict=True), strict=True)]
     chosen = (every[0] >= first) & (every[0] < last)
     return tuple(part[chosen] for part in every)

@@ -50,8 +50,9 @@ class SlavePoints:
 
     def trace(self, nodal: np.ndarray) -> np.ndarray:
         """A nodal field (nodes[, k]) at the points, (points[, k])."""
-        values = np.tensordot(nodal[self.sides], self.shape, axes=(1, 1))
-        return np.moveaxis(values, -1, 1).reshape(self.count, *nodal.shape[1:])
+        values = nodal[self.sides]
+        columns = values.reshape(*self.sides.shape, int(np.prod(nodal.shape[1:])))
+        return np.matmul(self.shape, columns).reshape(self.count, *nodal.shape[1:])
 
     def surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Surface that belongs to each point, mm² (mm in plane strain, 2 pi r included in axisymmetry), (points,), and
@@ -66,7 +67,7 @@ class SlavePoints:
         return across / length[..., None]
 
     def _across(self, x, gradient):
-        tangents = np.einsum("kqa,fad->kfqd", gradient, x[self.sides])
+        tangents = np.matmul(gradient[:, None], x[self.sides])
         across = tangents[0][..., ::-1] * [1.0, -1.0] if self.dim == 2 else np.cross(tangents[0], tangents[1])
         return across, np.linalg.norm(across, axis=-1)
 

@@ -38,9 +38,9 @@ class BetweenBodies:
         self._own = workpiece.velocity_dofs[: nodes.owned]
         self._x = PETSc.Vec().createMPI((workpiece.owned, None), comm=nodes.comm)
         self._y = self._x.duplicate()
-        self._node_of, self._axis_of = np.full(workpiece.owned, -1), np.zeros(workpiece.owned, np.int32)
+        self._node_of = np.full(workpiece.owned, -1)
         for axis in range(3):
-            self._node_of[self._own[:, axis]], self._axis_of[self._own[:, axis]] = np.arange(nodes.owned), axis
+            self._node_of[self._own[:, axis]] = np.arange(nodes.owned)
         local = np.concatenate([contact.unknowns[:, 0] for contact in interfaces.contacts]) - self._first()
         near = self._node_of[local[(local >= 0) & (local < workpiece.owned)]]
         self._near = np.unique(near)        # nodes of the surfaces that contacts may move, of this rank
@@ -112,7 +112,8 @@ class BetweenBodies:
             starts, columns, values = on_vertices.getValuesCSR()
             vertices = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1]))
             on_vertices.destroy()
-            products = CarriedProducts(contact.G, self._node_of, self._axis_of) if self._alone else None
+            products = CarriedProducts(contact.rows, self._node_of[contact.unknowns[:, 0]], contact.free) if self._alone \
+                else None
             known = self._carried[id(contact)] = _Made(contact.G, vertices, products)
         return known
 
