@@ -191,13 +191,16 @@ class Inertia:
     # ------------------------------------------------------------------ how fast things go
     def speed(self, tools, trace, tool_speed: float, dt: float) -> float:
         """The speed that regularisation and penalty are relative to, mm/s: of the tools, of points that land within
-        ``dt``, of deformation, of a free fall through a step; it sinks slowly, lest they change from solve to solve.
+        ``dt``, of deformation, of a free fall through a step, which where a tool drives ends on the tool below; it sinks
+        slowly, lest they change from solve to solve.
 
         ``trace`` : nodal values (nodes, dim) → at the contact points. Collective.
         """
         whole, deforming = self.mass.speeds(self.velocity)
         landing = self.landing_speed(tools, trace, dt)
         falling = GRAVITY * dt if self.mass.properties.weight else 0.0
+        if falling and tool_speed:
+            falling = min(falling, np.sqrt(2.0 * GRAVITY * self._room_below(tools)))
         found = max(tool_speed, landing, deforming, falling)
         self._greatest = max(self._greatest, found, whole)
         self._speed = max(found, SLOWER * self._speed_before, SLOWEST * self._greatest)
@@ -212,6 +215,15 @@ class Inertia:
             lands = (closing * dt > tool.state.gap) & (closing > ROUNDING * size)
             fastest = max(fastest, float(closing[lands].max(initial=0.0)))
         return highest(self.mass.nodes.comm, fastest)
+
+    def _room_below(self, tools) -> float:
+        """How far the body can fall before a point of it lands, mm; infinite above nothing. Collective."""
+        room = np.inf
+        for tool in tools:
+            up = tool.state.normal[:, -1]
+            below = up > 0
+            room = min(room, float((tool.state.gap[below] / up[below]).min(initial=np.inf)))
+        return max(0.0, -highest(self.mass.nodes.comm, -room))
 
     # ------------------------------------------------------------------ ledgers
     def energies(self) -> dict[str, float]:

@@ -145,3 +145,17 @@ def test_a_tool_that_starts_at_a_body_at_rest_gives_it_a_blow(tmp_path):
     ledger = results.summary["ledger"]["energy"]
     assert results.summary["remeshings"] > 0 and ledger["worst_relative_imbalance"] < 1e-4
     assert 0 < ledger["mJ"]["first impact"] < 1e-4 * ledger["mJ"]["tools"]
+
+
+def test_a_press_slower_than_a_fall_through_one_of_its_steps_meets_the_whole_strength(tmp_path):
+    """A body that lies between plates does not fall: the speed that viscosity and penalty are relative to is the ram's
+    1 mm/s, not g dt = 400 mm/s, which made both 400 times too soft (found by random processes)."""
+    (tmp_path / "slow.toml").write_text(WAITING, encoding="utf-8")
+    slow = read_scene(tmp_path / "slow.toml", set=[
+        "process={ inertia = true, weight = true }", "workpieces.billet.symmetry=[]", "workpieces.billet.remesh=false",
+        "tools.lower={ shape = { kind = 'plane', point = [0, 0], normal = [0, 1] } }",
+        "tools.punch.drive={ kind = 'speed', velocity = [0, -1] }", "steps.time='40 ms'", "stop.time='120 ms'"])
+    history = simulate(slow).history
+    area = history.column("volume_billet_mm3") / (10 - history.column("stroke_punch_mm"))
+    np.testing.assert_allclose(history.column("force_punch_N")[1:], 100 * area[1:], rtol=2e-3)
+    assert np.abs(history.column("volume_error_billet")).max() < 1e-3
