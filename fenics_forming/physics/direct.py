@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 
-from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from .linear import DirectSolver
+from .plane_matrix import PlaneMatrix
 from .system import CoupledMatrix, SystemMatrix
 from .workpiece import Workpiece
 
@@ -28,8 +28,11 @@ class DirectSystem:
     def __init__(self, workpiece: Workpiece):
         self.counts: Counter[str] = Counter()
         self._body, interfaces = workpiece, workpiece.interfaces
-        form = workpiece.tangent_form
-        self.matrix = SystemMatrix(form) if interfaces is None else CoupledMatrix(form, interfaces)
+        if workpiece.nodes.dim == 2 and workpiece.nodes.comm.size == 1:
+            bulk = PlaneMatrix(workpiece)
+        else:
+            bulk = SystemMatrix(workpiece.tangent_form)
+        self.matrix = bulk if interfaces is None else CoupledMatrix(bulk, interfaces)
         self._solver: DirectSolver | None = None
 
     def follow(self) -> None:
@@ -43,8 +46,7 @@ class DirectSystem:
 
     def lift(self, b: PETSc.Vec) -> None:
         """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
-        body = self._body
-        fem_petsc.apply_lifting(b, [body.tangent_form], [body.conditions], x0=[body.solution.x.petsc_vec], alpha=-1.0)
+        self.matrix.lift(b, self._body)
 
     def stiffness(self):
         """Diagonal of the velocities, (nodes, dim), N s/mm."""

@@ -72,6 +72,14 @@ class PointData:
             self.tau[over] *= (self.sigma[over] / length[over])[:, None]
         self._tau.x.array[: self.tau.size] = self.tau.ravel()
 
+    def handed_over(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the tangent is made of: flow stress and softening (cells, points), stress (cells, points, components)."""
+        cells, components = len(self.nodes.cells), self.kinematics.components
+        sigma, softening, tau = (f.x.array for f in (self._sigma, self._softening, self._tau))
+        count = self.tau.size // components
+        return (sigma[:count].reshape(cells, -1), softening[:count].reshape(cells, -1),
+                tau[: self.tau.size].reshape(cells, -1, components))
+
     def update_stress(self, rate, increment_rate) -> None:
         """Stress and strain rate after the increment: the stress-velocity update."""
         change = 2 / 3 * np.einsum("pi,pi->p", self.strain_rate, increment_rate) / rate**2

@@ -36,9 +36,13 @@ class SystemMatrix:
         fem.assemble_matrix(self._rows, self._form, bcs=conditions)
         self.petsc.stateIncrease()      # the values came from behind PETSc's back: factorise anew
 
+    def lift(self, b: PETSc.Vec, body) -> None:
+        """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
+        fem_petsc.apply_lifting(b, [self._form], [body.conditions], x0=[body.solution.x.petsc_vec], alpha=-1.0)
+
 
 class CoupledMatrix:
-    """The matrix of a form and of the contact between bodies, whose pattern follows their pairing.
+    """The matrix of the flow without contact between bodies, and of that contact, whose pattern follows their pairing.
 
     The couplings never go into the pattern of the form one by one: both patterns are merged as a whole, where pairs have
     come that the present one does not hold.
@@ -48,8 +52,8 @@ class CoupledMatrix:
     petsc : the matrix; another one after :meth:`follow` has said so
     """
 
-    def __init__(self, form: fem.Form, interfaces):
-        self._bulk, self._interfaces = SystemMatrix(form), interfaces
+    def __init__(self, bulk, interfaces):
+        self._bulk, self._interfaces = bulk, interfaces
         self.petsc = self._bulk.petsc
 
     def follow(self, conditions) -> bool:
@@ -59,6 +63,10 @@ class CoupledMatrix:
         self._bulk.assemble(conditions)     # an empty matrix would lose its pattern
         self.petsc = self._interfaces.merged(self._bulk.petsc)
         return True
+
+    def lift(self, b: PETSc.Vec, body) -> None:
+        """Add what given velocities that are not met yet do to the other equations of the bulk, ghosts not summed."""
+        self._bulk.lift(b, body)
 
     def assemble(self, conditions) -> None:
         """Values anew; rows and columns of the conditions are those of the identity. Collective."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.gap_rows import GapRows
-from .kernels import compiled
+from ..machine_code import compiled
 
 
 class CarriedProducts:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernels import compiled
+from ..machine_code import compiled
 from .pattern import Pattern
 from .sharing import Shared
 

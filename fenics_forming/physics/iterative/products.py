@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .kernels import compiled
+from ..machine_code import compiled
 
 
 @compiled
