@@ -29,14 +29,15 @@ class DirectSystem:
         self.counts: Counter[str] = Counter()
         self._body, interfaces = workpiece, workpiece.interfaces
         if workpiece.nodes.dim == 2 and workpiece.nodes.comm.size == 1:
-            bulk = PlaneMatrix(workpiece)
+            self._bulk = PlaneMatrix(workpiece)
         else:
-            bulk = SystemMatrix(workpiece.tangent_form)
-        self.matrix = bulk if interfaces is None else CoupledMatrix(bulk, interfaces)
+            self._bulk = SystemMatrix(workpiece.tangent_form)
+        self.matrix = self._bulk if interfaces is None else CoupledMatrix(self._bulk, interfaces)
         self._solver: DirectSolver | None = None
 
     def follow(self) -> None:
         """Make ready for the present geometry and the present pairs of bodies in contact. Collective."""
+        self._bulk.follow()
         if self._body.interfaces is not None and self.matrix.follow(self._body.conditions):
             self._solver = None
 
@@ -46,7 +47,7 @@ class DirectSystem:
 
     def lift(self, b: PETSc.Vec) -> None:
         """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
-        self.matrix.lift(b, self._body)
+        self._bulk.lift(b, self._body)
 
     def stiffness(self):
         """Diagonal of the velocities, (nodes, dim), N s/mm."""

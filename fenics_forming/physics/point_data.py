@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from .point_kernels import advance, cut, regularised
 from .rate_continuity import RateContinuity
 
 
@@ -25,23 +26,20 @@ class PointData:
 
     def point_rate(self) -> np.ndarray:
         """Regularised effective strain rate at the integration points, 1/s."""
-        d = self.strain_rate
-        return np.sqrt(2 / 3 * np.einsum("pi,pi->p", d, d) + float(self.rate0.value) ** 2)
+        return regularised(self.strain_rate, float(self.rate0.value))
 
     def set_flow_stress(self, strain, rate, temperature) -> None:
         """Flow stress and its rate sensitivity at the integration points."""
         if self.law.depends_on_rate or strain is not self._hardened_at:
             self._hardened = sensible(np.broadcast_to(self.law(strain, rate, temperature), rate.shape))
             self._hardened_at = strain
-        sigma = self._hardened
-        c = np.ones_like(rate)
+        sigma, c = self._hardened.copy(), np.ones(len(rate))
         if self.law.depends_on_rate:
             c -= rate * self.law.rate_derivative(strain, rate, temperature) / sigma
         if self.continuity is not None:
-            factor = self.continuity.factor(rate)
-            sigma = sigma * factor
-            c -= self.continuity.step * rate / factor
-        c = np.clip(c, 0.0, 1.0)
+            self.continuity.tie(sigma, c, rate)
+        elif self.law.depends_on_rate:
+            c = np.clip(c, 0.0, 1.0)
         self.sigma = sigma
         self._sigma.x.array[: sigma.size] = sigma
         self.softening = c
@@ -66,10 +64,7 @@ class PointData:
 
     def cut_stress(self, rate) -> None:
         """Cut the independent stress to the flow stress and hand it to the tangent."""
-        length = np.sqrt(1.5 * np.einsum("pi,pi->p", self.tau, self.tau))
-        over = length > self.sigma
-        if over.any():
-            self.tau[over] *= (self.sigma[over] / length[over])[:, None]
+        cut(self.tau, self.sigma)
         self._tau.x.array[: self.tau.size] = self.tau.ravel()
 
     def handed_over(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,10 +77,7 @@ class PointData:
 
     def update_stress(self, rate, increment_rate) -> None:
         """Stress and strain rate after the increment: the stress-velocity update."""
-        change = 2 / 3 * np.einsum("pi,pi->p", self.strain_rate, increment_rate) / rate**2
-        self.strain_rate += increment_rate
-        self.tau *= -(self.softening * change)[:, None]
-        self.tau += (2 * self.sigma / (3 * rate))[:, None] * self.strain_rate
+        advance(self.strain_rate, increment_rate, self.tau, self.sigma, self.softening, rate)
 
     def rate_of_increment(self) -> np.ndarray:
         return self._rate_of_increment.eval(self.nodes.mesh, self._owned_cells).reshape(self.strain_rate.shape)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .point_kernels import tie
+
 MOST_TIED = 0.05     # of the flow stress, by which the tie to the rates of the solve before may change it
 
 
@@ -25,6 +27,7 @@ class RateContinuity:
     rate: np.ndarray
     step: float
 
-    def factor(self, rate: np.ndarray) -> np.ndarray:
-        """What the flow stress is multiplied by, (points,)."""
-        return np.clip(1.0 + self.step * (rate - self.rate), 1.0 - MOST_TIED, 1.0 + MOST_TIED)
+    def tie(self, flow_stress: np.ndarray, softening: np.ndarray, rate: np.ndarray) -> None:
+        """Multiply the flow stress at the regularised rates, and follow with the softening; all (points,), changed in
+        place."""
+        tie(flow_stress, softening, rate, self.rate, self.step, MOST_TIED)

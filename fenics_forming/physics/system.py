@@ -25,6 +25,9 @@ class SystemMatrix:
         self.petsc = PETSc.Mat().createAIJWithArrays(
             (n, n), (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data), comm=form.mesh.comm)
 
+    def follow(self) -> None:
+        """Nothing: forms look at the present geometry by themselves."""
+
     def assemble(self, conditions) -> None:
         """Values anew; rows and columns of the conditions are those of the identity."""
         if self._rows is None:
@@ -63,10 +66,6 @@ class CoupledMatrix:
         self._bulk.assemble(conditions)     # an empty matrix would lose its pattern
         self.petsc = self._interfaces.merged(self._bulk.petsc)
         return True
-
-    def lift(self, b: PETSc.Vec, body) -> None:
-        """Add what given velocities that are not met yet do to the other equations of the bulk, ghosts not summed."""
-        self._bulk.lift(b, body)
 
     def assemble(self, conditions) -> None:
         """Values anew; rows and columns of the conditions are those of the identity. Collective."""

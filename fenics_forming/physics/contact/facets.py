@@ -17,6 +17,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from ..kinematics import Kinematics
+from ..machine_code import compiled
 from ..nodes import Nodes
 from ..parallel import total
 
@@ -103,10 +104,11 @@ class ContactFacets:
         self.traction_function.x.array[: traction.size] = traction.ravel()
         self.tangent_function.x.array[: tangent.size] = tangent.ravel()
 
-    def weighted_tangent(self) -> np.ndarray:
-        """The tangents that are set, each times the surface of its point, (facets, points per facet, dim · dim)."""
-        size = self.count * self.dim**2
-        values = self.tangent_function.x.array[:size].reshape(self.count, -1) * self.weights()[:, None]
+    def weighted_tangent(self, weights: np.ndarray | None = None) -> np.ndarray:
+        """The tangents that are set, each times the surface of its point, (facets, points per facet, dim · dim); with the
+        :meth:`weights` of the present geometry, where they are known."""
+        size, weights = self.count * self.dim**2, self.weights() if weights is None else weights
+        values = self.tangent_function.x.array[:size].reshape(self.count, -1) * weights[:, None]
         return values.reshape(-1, self.points_per_facet, self.dim**2)
 
     def nodal_forces(self, traction: np.ndarray) -> np.ndarray:
@@ -129,11 +131,8 @@ class ContactFacets:
 
     def trace(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the integration points of a nodal field (nodes[, k]) → (points[, k])."""
-        values = nodal[self.facet_nodes]
-        if nodal.ndim == 1:
-            return (values @ self.shape.T).ravel()
-        columns = values.reshape(*values.shape[:2], int(np.prod(nodal.shape[1:])))     # also of a rank without facets
-        return np.matmul(self.shape, columns).reshape((self.count, *nodal.shape[1:]))
+        columns = np.ascontiguousarray(nodal, float).reshape(len(nodal), -1)
+        return at_points(columns, self.facet_nodes, self.shape).reshape((self.count, *nodal.shape[1:]))
 
     def weights(self) -> np.ndarray:
         """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""
@@ -182,6 +181,19 @@ class ContactFacets:
         (facets, dim) rows of the vertices, rising; (facets, points per facet) the local number of every point
         """
         return seen_from_vertices(rows[self.facet_nodes[:, : self.dim]], self.hats)
+
+
+@compiled
+def at_points(nodal, groups, shape):
+    """Values of a nodal field (nodes, k) at the points of groups (groups, nodes of one), by the shape functions (points,
+    nodes of one): (groups, points, k)."""
+    out = np.zeros((len(groups), len(shape), nodal.shape[1]))
+    for f in range(len(groups)):
+        for q in range(len(shape)):
+            for a in range(shape.shape[1]):
+                for i in range(nodal.shape[1]):
+                    out[f, q, i] += shape[q, a] * nodal[groups[f, a], i]
+    return out
 
 
 def seen_from_vertices(corners: np.ndarray, hats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

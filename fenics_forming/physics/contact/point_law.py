@@ -1,4 +1,4 @@
-r"""What happens at one contact point: normal pressure, release, friction.  Vectorised; no mesh, no MPI.
+r"""What happens at one contact point: normal pressure, release, friction.  All points at once, compiled; no mesh, no MPI.
 
 Normal: with the gap :math:`g` (open positive), the normal :math:`n` out of the tool and the closing speed
 :math:`c_n=(v-v_t)\cdot(-n)`,
@@ -20,6 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..machine_code import compiled
 
 
 @dataclass
@@ -56,9 +58,8 @@ def trial_pressure(state: PointState, velocity: np.ndarray, coefficient: float, 
     """Normal pressure that closed points would have, negative where they would be pulled, (points,); also under a tool of
     another velocity (points, dim)."""
     tool_velocity = state.tool_velocity if tool_velocity is None else tool_velocity
-    closing = np.einsum("pi,pi->p", tool_velocity - velocity, state.normal)
-    multiplier = np.einsum("pi,pi->p", state.multiplier, state.normal)
-    return multiplier + coefficient * (closing - state.gap / dt)
+    return _trial_pressure(*_plain(state.multiplier, tool_velocity, velocity, state.normal, state.gap), float(coefficient),
+                           float(dt))
 
 
 def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
@@ -85,47 +86,106 @@ def follow_contact(state: PointState, before: np.ndarray | None) -> None:
 
 def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:
     """Tangential velocity of the material relative to the tool, (points, dim), mm/s."""
-    relative = velocity - state.tool_velocity
-    return relative - np.einsum("pi,pi->p", relative, state.normal)[:, None] * state.normal
-
-
-def regularised_norm(slip: np.ndarray, slip0: float) -> np.ndarray:
-    return np.sqrt(np.einsum("pi,pi->p", slip, slip) + slip0**2)
+    return _slip_velocity(*_plain(velocity, state.tool_velocity, state.normal))
 
 
 def normal_response(state: PointState, coefficient: float) -> tuple[np.ndarray, np.ndarray]:
     """Normal traction on the body (points, dim) and its tangent (points, dim, dim)."""
-    n = state.normal
-    traction = state.pressure[:, None] * n
-    tangent = np.where(state.active, coefficient, 0.0)[:, None, None] * n[:, :, None] * n[:, None, :]
-    return traction, tangent
+    return _normal_response(*_plain(state.pressure, state.active, state.normal), float(coefficient))
 
 
 def friction_response(state: PointState, limit: np.ndarray, slip0: float) -> tuple[np.ndarray, np.ndarray]:
     """Friction traction on the body and its tangent for a limit (points,), N/mm²; nothing where contact is open."""
-    slip, n = state.slip, state.normal
-    norm = regularised_norm(slip, slip0)
-    limit = state.grip * limit
-    stress = cut_to_limit(state.friction_stress, limit)
-    projector = np.eye(slip.shape[1]) - n[:, :, None] * n[:, None, :]
-    cross = stress[:, :, None] * slip[:, None, :]
-    cross = 0.5 * (cross + cross.swapaxes(1, 2)) / norm[:, None, None]
-    tangent = (limit[:, None, None] * projector - cross) / norm[:, None, None]
-    return -(limit / norm)[:, None] * slip, tangent
+    return _friction_response(*_plain(state.slip, state.normal, state.friction_stress, state.grip, limit), float(slip0))
 
 
 def update_friction_stress(state: PointState, new_slip: np.ndarray, limit: np.ndarray, slip0: float) -> None:
     """The friction stress (in the direction of the slip) after the increment of the slip, then the slip itself."""
-    norm = regularised_norm(state.slip, slip0)
-    limit = state.grip * limit
-    stress = cut_to_limit(state.friction_stress, limit)
-    increment = np.einsum("pi,pi->p", state.slip, new_slip - state.slip)
-    state.friction_stress = (limit[:, None] * new_slip - stress * (increment / norm)[:, None]) / norm[:, None]
+    state.friction_stress = _updated_stress(
+        *_plain(state.slip, new_slip, state.friction_stress, state.grip, limit), float(slip0))
     state.slip = new_slip
 
 
-def cut_to_limit(stress: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """The vectors of ``stress`` shortened where they are longer than ``limit``."""
-    length = np.sqrt(np.einsum("pi,pi->p", stress, stress))
-    factor = np.minimum(1.0, np.divide(limit, length, out=np.ones_like(length), where=length > 0))
-    return stress * factor[:, None]
+# ---------------------------------------------------------------------- compiled, point by point
+def _plain(*arrays) -> tuple[np.ndarray, ...]:
+    """The arrays as the kernels are compiled for: with no steps between their numbers."""
+    return tuple(map(np.ascontiguousarray, arrays))
+
+
+@compiled
+def _trial_pressure(multiplier, tool_velocity, velocity, normal, gap, coefficient, dt):
+    out = np.empty(len(gap))
+    for p in range(len(gap)):
+        closing = before = 0.0
+        for i in range(normal.shape[1]):
+            closing += (tool_velocity[p, i] - velocity[p, i]) * normal[p, i]
+            before += multiplier[p, i] * normal[p, i]
+        out[p] = before + coefficient * (closing - gap[p] / dt)
+    return out
+
+
+@compiled
+def _slip_velocity(velocity, tool_velocity, normal):
+    slip = velocity - tool_velocity
+    for p in range(len(slip)):
+        along = _product(slip[p], normal[p])
+        for i in range(slip.shape[1]):
+            slip[p, i] -= along * normal[p, i]
+    return slip
+
+
+@compiled
+def _normal_response(pressure, active, normal, coefficient):
+    count, dim = normal.shape
+    traction, tangent = np.empty((count, dim)), np.empty((count, dim, dim))
+    for p in range(count):
+        stiffness = coefficient if active[p] else 0.0
+        for i in range(dim):
+            traction[p, i] = pressure[p] * normal[p, i]
+            for j in range(dim):
+                tangent[p, i, j] = stiffness * normal[p, i] * normal[p, j]
+    return traction, tangent
+
+
+@compiled
+def _product(a, b):
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def _share_within(stress, limit):
+    """What a vector is multiplied by that must not be longer than ``limit``."""
+    length = np.sqrt(_product(stress, stress))
+    return limit / length if length > limit else 1.0
+
+
+@compiled
+def _friction_response(slip, normal, stress, grip, limit, slip0):
+    count, dim = slip.shape
+    traction, tangent = np.empty((count, dim)), np.empty((count, dim, dim))
+    for p in range(count):
+        over, most = 1.0 / np.sqrt(_product(slip[p], slip[p]) + slip0 * slip0), grip[p] * limit[p]
+        share = _share_within(stress[p], most)
+        for i in range(dim):
+            traction[p, i] = -most * over * slip[p, i]
+            for j in range(dim):
+                cross = 0.5 * share * (stress[p, i] * slip[p, j] + slip[p, i] * stress[p, j]) * over
+                across = (1.0 if i == j else 0.0) - normal[p, i] * normal[p, j]
+                tangent[p, i, j] = (most * across - cross) * over
+    return traction, tangent
+
+
+@compiled
+def _updated_stress(slip, new_slip, stress, grip, limit, slip0):
+    out = np.empty_like(stress)
+    for p in range(len(slip)):
+        over, most = 1.0 / np.sqrt(_product(slip[p], slip[p]) + slip0 * slip0), grip[p] * limit[p]
+        share, change = _share_within(stress[p], most), 0.0
+        for i in range(slip.shape[1]):
+            change += slip[p, i] * (new_slip[p, i] - slip[p, i])
+        for i in range(slip.shape[1]):
+            out[p, i] = (most * new_slip[p, i] - share * stress[p, i] * change * over) * over
+    return out
