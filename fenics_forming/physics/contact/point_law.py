@@ -53,12 +53,13 @@ class PointState:
                    np.zeros(count, dtype=bool), np.zeros(count), np.ones(count), np.zeros(count, dtype=bool))
 
 
-def trial_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
+def trial_pressure(state: PointState, velocity: np.ndarray, coefficient: float | np.ndarray, dt: float,
                    tool_velocity: np.ndarray | None = None) -> np.ndarray:
-    """Normal pressure that closed points would have, negative where they would be pulled, (points,); also under a tool of
-    another velocity (points, dim)."""
+    """Normal pressure that closed points would have, negative where they would be pulled, (points,), with one coefficient
+    or one for each; also under a tool of another velocity (points, dim)."""
     tool_velocity = state.tool_velocity if tool_velocity is None else tool_velocity
-    return _trial_pressure(*_plain(state.multiplier, tool_velocity, velocity, state.normal, state.gap), float(coefficient),
+    coefficient = np.full(len(state.gap), coefficient)
+    return _trial_pressure(*_plain(state.multiplier, tool_velocity, velocity, state.normal, state.gap), coefficient,
                            float(dt))
 
 
@@ -91,7 +92,8 @@ def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:
 
 def normal_response(state: PointState, coefficient: float) -> tuple[np.ndarray, np.ndarray]:
     """Normal traction on the body (points, dim) and its tangent (points, dim, dim)."""
-    return _normal_response(*_plain(state.pressure, state.active, state.normal), float(coefficient))
+    return _normal_response(*_plain(state.pressure, state.active, state.normal),
+                            np.full(len(state.pressure), coefficient))
 
 
 def friction_response(state: PointState, limit: np.ndarray, slip0: float) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +122,7 @@ def _trial_pressure(multiplier, tool_velocity, velocity, normal, gap, coefficien
         for i in range(normal.shape[1]):
             closing += (tool_velocity[p, i] - velocity[p, i]) * normal[p, i]
             before += multiplier[p, i] * normal[p, i]
-        out[p] = before + coefficient * (closing - gap[p] / dt)
+        out[p] = before + coefficient[p] * (closing - gap[p] / dt)
     return out
 
 
@@ -139,7 +141,7 @@ def _normal_response(pressure, active, normal, coefficient):
     count, dim = normal.shape
     traction, tangent = np.empty((count, dim)), np.empty((count, dim, dim))
     for p in range(count):
-        stiffness = coefficient if active[p] else 0.0
+        stiffness = coefficient[p] if active[p] else 0.0
         for i in range(dim):
             traction[p, i] = pressure[p] * normal[p, i]
             for j in range(dim):
