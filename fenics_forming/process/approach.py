@@ -25,6 +25,29 @@ def time_to_contact(body, horizon: float) -> float:
     return max(lowest(body.nodes.comm, first), 0.0)
 
 
+def free_way(body, drives: dict, time: float, horizon: float) -> float:
+    """Time from ``time`` on in which no tool can reach a `FlowingBody` at rest, s; at most ``horizon``. Collective.
+
+    A tool that goes on evenly is at the body when it has travelled the least distance between the two, or later. 0 where
+    a tool turns, yields or changes its speed by then.
+    """
+    way, points = horizon, body.x[body.boundary]
+    for tool in body.tools:
+        drive = drives.get(tool.name)
+        if drive is None:
+            continue
+        if tool.motion.angular_velocity != 0 or tool.deformation is not None:
+            return 0.0
+        speed = float(np.linalg.norm(drive.velocity(time)))
+        distance = lowest(body.nodes.comm, float(np.min(tool.gap(points)[0], initial=np.inf)))
+        way = min(way, max(distance, 0.0) / speed if speed > 0 else np.inf)
+    if not np.isfinite(way):
+        return 0.0
+    evenly = all(np.allclose(drive.displacement(time + way) - drive.displacement(time), way * drive.velocity(time),
+                             rtol=0, atol=NEAR * body.size) for drive in drives.values())
+    return way if evenly else 0.0
+
+
 def _closing_time(body, gap, normal, tool_velocity, horizon: float) -> float:
     closing = np.einsum("pi,pi->p", tool_velocity, normal)
     coming = closing > 1e-9 * body.speed

@@ -85,6 +85,11 @@ class StepChoice:
                 return Limit(0.5 * left, reason)   # two even steps instead of one long and one tiny
         return Limit(dt, reason)
 
+    def left(self, time: float) -> float:
+        """Time until the next moment that must be hit, s; inf where none is known."""
+        ahead = [moment for moment in self._landmarks if moment > time * (1 + 1e-12)]
+        return ahead[0] - time if ahead else np.inf
+
     def end_of(self, time: float, dt: float) -> float:
         """time + dt, free of rounding where that is to be hit exactly: drives may jump there."""
         landmarks = self._landmarks

@@ -20,6 +20,7 @@ from .flow_lines import NAME as FLOW_LINES
 from .flow_lines import FlowLineWriter
 from .history import History
 from .results import Results
+from .untouched import untouched
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
 FACES = 0.7071      # cosine: a tool at rest faces the main tool where no axis at right angles to its way is nearer
@@ -215,7 +216,7 @@ class Recorder:
         self._look_for_folds(int(self.row.get("step", 0)), now=True)
         explicit = self.scene.scheme == "explicit"
         return [*self.volume.doubts("steps.scheme = 'midpoint' or smaller steps" if explicit else MORE_EXACT),
-                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts(),
+                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts(), *untouched(self.run, self.history.rows),
                 *(self.heat.doubts() if self.heat is not None else [])]
 
     def finish(self, state, why: str, warnings: list[str]) -> None:

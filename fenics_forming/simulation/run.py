@@ -203,7 +203,7 @@ class Simulation:
         try:
             if self._saved is None:
                 state = State(0, 0.0, self.body.new_history(), self.body.rest(), 0.0)
-                state = stepper.first()
+                state = stepper.first(observer)
             else:
                 state = resumed(self, self._saved)
             if self._saved is None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ConvergenceError, MeshError
+from ..process.approach import free_way
 from ..process.body import FlowingBody
 from ..process.integration import StepEnd, drifting
 from ..process.schemes import scheme_of
@@ -18,6 +19,8 @@ from ..scene import Scene
 from .cooling import cooled, due, resting
 from .state import State
 from .stops import Stops
+
+FLIGHT = 20     # steps in one while tools are on their way to a body at rest: it may cool meanwhile
 
 
 class Stepper:
@@ -45,13 +48,23 @@ class Stepper:
         self.scheme, self.choice, self.solves = scheme_of(scene.shifting), stops.step_choice(), 1
         self.renewed: State | None = None
 
-    def first(self) -> State:
-        """The state at the start, with the flow there."""
+    def first(self, observer) -> State:
+        """The state at the start, with the flow there; contact looks less far ahead where that is not found."""
         history = self.body.new_history()
-        dt = self.choice.next(0.0).dt
         self.body.place(0.0)
         heat = None if self.body.heat is None else self.body.heat.first()
-        return State(0, 0.0, history, self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead), dt, heat=heat)
+        for last in (False, False, True):
+            dt, before = self.choice.next(0.0).dt, self.body.snapshot()
+            try:
+                flow = self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead)
+                return State(0, 0.0, history, flow, dt, heat=heat)
+            except ConvergenceError as failure:
+                if last or not np.isfinite(dt):
+                    raise
+                self._go_back(before, self.scheme, 0.0)
+                for _ in range(3):
+                    self.choice.failed(0.0, self.choice.next(0.0).dt)
+                observer.note(f"step 1 cut: {failure.sentence}")
 
     def advance(self, state: State, observer) -> tuple[State, str]:
         """One step; cut and tried again until it converges or becomes too short."""
@@ -134,6 +147,13 @@ class Stepper:
             touch = body.time_to_contact(dt)
             if 1e-9 * dt < touch < dt:
                 return limit, touch, "contact"
+            if touch >= dt and self.scene.steps.stroke is not None:
+                left = self.choice.left(state.time)
+                horizon = min(left, FLIGHT * dt)
+                way = free_way(body, self.stops.by_name, state.time, horizon)
+                way = way if way == horizon else way - 0.5 * dt          # the last bit as ever, to the touch
+                if way > dt:
+                    return limit, way, "target" if way == left else limit.reason
         elif shortened is not None or self.scene.stop.height is not None:
             reached = shortened or body.time_to_height(self.scene.stop.height, state.flow.velocity, dt)
             if reached < dt:

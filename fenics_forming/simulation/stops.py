@@ -20,13 +20,13 @@ class Stops:
     Attributes
     ----------
     drive : of the tool that counts; None where no tool moves
-    drives : of all tools that move
+    drives : of all tools that move · by_name : tool → drive, of those that have one
     """
 
     def __init__(self, scene: Scene, drives: dict):
         self.scene = scene
         self.drive = drives[scene.counting_tool] if scene.counting_tool is not None else None
-        self.drives = [drives[name] for name in scene.driven_tools]
+        self.drives, self.by_name = [drives[name] for name in scene.driven_tools], drives
 
     @property
     def turns(self) -> list[float]:
