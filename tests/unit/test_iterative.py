@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from fenics_forming import ConvergenceError, SceneError, laws, scene
 from fenics_forming.physics import linear_choice
 from fenics_forming.physics.direct import DirectSystem
+from fenics_forming.physics.iterative.aggregates import blended, groups_of
 from fenics_forming.physics.iterative.krylov import fgmres
 from fenics_forming.physics.iterative.products import product
 from fenics_forming.simulation.run import Simulation
@@ -67,11 +69,45 @@ def test_blocks_of_the_kernels_are_the_matrix_of_the_form(flowing):
 def test_form_of_the_vertices_is_the_galerkin_product_on_curved_cells(flowing):
     _, system, _ = flowing
     x = np.random.default_rng(1).standard_normal((len(system._vertex_nodes), 3))
-    y, pattern = np.empty_like(x), system.coarse.pattern
-    product(pattern.starts, pattern.columns, system.coarse.diagonal, system.coarse.upper, x, y)
+    y, pattern = np.empty_like(x), system.coarse.block.pattern
+    product(pattern.starts, pattern.columns, system.coarse.block.diagonal, system.coarse.block.upper, x, y)
     fine = system.levels.prolonged(x)
     through = system.levels.restricted(system.block.times(fine, np.empty_like(fine)))
     np.testing.assert_allclose(through, y, rtol=0, atol=1e-12 * np.abs(y).max())
+
+
+def test_motions_of_groups_are_the_galerkin_product_and_hold_those_of_a_rigid_body(flowing):
+    """The matrix on rigid motions of groups is P^T A P, and P has the motions of the whole body wherever its nodes went."""
+    _, system, _ = flowing
+    coarse, groups = system.coarse, system.coarse.groups
+    coarse.prepare()
+    x, n = system._n.x[system._vertex_nodes], 6 * groups.count
+    P = np.stack([groups.prolonged(e) for e in np.eye(n)], axis=-1)
+    product_of = lambda v: coarse.block.free_times(v, np.empty_like(v))  # noqa: E731
+    galerkin = np.stack([groups.restricted(product_of(np.ascontiguousarray(P[:, :, k]))) for k in range(n)], axis=-1)
+    lower = np.tril(groups._factor[0])
+    scale = np.where(groups._scale > 0, 1 / np.where(groups._scale > 0, groups._scale, 1), 0)
+    np.testing.assert_allclose(scale[:, None] * (lower @ lower.T) * scale, galerkin, atol=1e-9 * np.abs(galerkin).max())
+    motion = np.array([1.0, -2.0, 0.5]) + np.cross([0.3, -0.7, 0.2], x)
+    w, turning = groups._size * np.array([0.3, -0.7, 0.2]), np.array([1.0, -2.0, 0.5])
+    moved = turning + np.cross(w / groups._size, groups._middles)
+    of_groups = np.concatenate([moved, np.tile(w, (groups.count, 1))], axis=1)
+    np.testing.assert_allclose(groups.prolonged(of_groups.ravel()), motion * coarse.block.free, atol=1e-12)
+    at_all = (groups._operator() @ of_groups.ravel()).reshape(-1, 3)[coarse.everywhere.numbers]
+    np.testing.assert_allclose(at_all, motion * coarse.block.free, atol=1e-12)
+
+
+def test_groups_are_connected_and_do_not_cross_bodies():
+    """Two rows of vertices in one place that no cell joins: no group has vertices of both; none is too large."""
+    line = sparse.diags([np.ones(19), np.ones(19)], [-1, 1])
+    graph = sparse.block_diag([line, line]).tocsr()
+    places = np.repeat(np.arange(20), 2)[:, None] * np.array([1, 0, 0])
+    places = np.concatenate([places[::2], places[1::2]])
+    groups = groups_of(places, graph, 6)
+    assert set(groups[:20]).isdisjoint(groups[20:]) and np.bincount(groups).max() <= 6
+    weights = blended(groups, graph, 2)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-14)
+    assert weights.min() >= 0 and not weights[:20, groups[20:]].nnz
 
 
 def test_iterations_find_what_a_factorisation_finds(flowing):
@@ -181,6 +217,18 @@ def test_fgmres_goes_on_from_a_start():
     fine = solve(1e-10, rough.x)
     np.testing.assert_allclose(fine.x, b / values, rtol=1e-8)
     assert fine.iterations < solve(1e-10, None).iterations and solve(1e-9, fine.x).iterations == 0
+
+
+def test_fgmres_goes_on_while_the_solution_changes():
+    """A mode a thousand times as soft as the rest has a thousandth of the residual and is as large as all of it."""
+    from mpi4py import MPI
+    values = np.append(np.linspace(1.0, 2.0, 60), 1e-3)
+    b = np.append(np.ones(60), 5e-3)
+    nearly = np.append(np.ones(60), 3e-3)
+    solve = lambda settled: fgmres(MPI.COMM_SELF, lambda x: values * x, lambda r: r / nearly, b,  # noqa: E731
+                                   tolerance=2e-3, most=50, settled=settled)
+    early, late = solve(np.inf), solve(0.05)
+    assert early.x[-1] < 4.0 and abs(late.x[-1] - 5.0) < 0.3 and late.iterations > early.iterations
 
 
 def test_iterative_solver_in_the_plane_is_refused():

@@ -17,43 +17,48 @@ class KrylovResult:
 
 
 def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: int,
-           start: np.ndarray | None = None) -> KrylovResult:
+           settled: float = np.inf, start: np.ndarray | None = None) -> KrylovResult:
     """Solve ``times(x) = b`` from ``start`` or from zero; the preconditioner may differ from call to call.
 
     Parameters
     ----------
     times, precondition : functions of the owned parts of vectors · b : owned part, (n,)
-    tolerance : relative residual at which it stops · most : iterations, not restarted
+    tolerance : relative residual at which it stops · most : iterations, not restarted · settled : it goes on while an
+    iteration changes the solution by more than this, relatively: a soft mode may hide in a small residual
 
     References
     ----------
     Y. Saad, SIAM J. Sci. Comput. 14 (1993) 461. Gram-Schmidt is done twice, by all vectors at once.
     """
-    def dots(vectors, w):
-        return comm.allreduce(np.array([v @ w for v in vectors]))
+    def dots(*pairs):
+        return comm.allreduce(np.array([v @ w for v, w in pairs]))
 
-    size = float(np.sqrt(dots([b], b)[0]))
+    size = float(np.sqrt(dots((b, b))[0]))
     if size == 0.0 or not np.isfinite(size):
         return KrylovResult(np.zeros_like(b), 0, 0.0 if size == 0.0 else np.inf)
-    r = b if start is None else b - times(start)
-    left = size if start is None else float(np.sqrt(dots([r], r)[0]))
+    r, left, whole = b, size, 0.0
+    if start is not None:
+        r = b - times(start)
+        left, whole = np.sqrt(dots((r, r), (start, start)))
     if left <= tolerance * size:
         return KrylovResult(start, 0, left / size)
     basis, found = [r / left], []
     upper = np.zeros((most + 1, most))
-    turns, rhs = [], np.zeros(most + 1)
+    lengths = np.zeros((most, most))        # products of what the preconditioner found
+    turns, rhs, y = [], np.zeros(most + 1), np.zeros(0)
     rhs[0] = left
     for k in range(most):
         z = precondition(basis[k])
         w = times(z)
         found.append(z)
-        column = np.zeros(k + 1)
-        for _ in range(2):
-            h = dots(basis, w)
-            for hi, v in zip(h, basis, strict=True):
-                w -= hi * v
-            column += h
-        length = float(np.sqrt(dots([w], w)[0]))
+        column = dots(*((v, w) for v in basis), *((f, z) for f in found))
+        column, lengths[: k + 1, k] = column[: k + 1], column[k + 1:]
+        lengths[k, : k + 1] = lengths[: k + 1, k]
+        _take_off(column, basis, w)
+        again = dots(*((v, w) for v in basis))
+        _take_off(again, basis, w)
+        column += again
+        length = float(np.sqrt(dots((w, w))[0]))
         column = np.append(column, length)
         for i, (c, s) in enumerate(turns):
             column[i], column[i + 1] = c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]
@@ -64,12 +69,18 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
         turns.append((c, s))
         upper[:k, k], upper[k, k] = column[:k], radius
         rhs[k], rhs[k + 1] = c * rhs[k], -s * rhs[k]
-        if abs(rhs[k + 1]) <= tolerance * size or length == 0.0:
+        before, y = np.append(y, 0.0), np.linalg.solve(upper[: k + 1, : k + 1], rhs[: k + 1])
+        change, long = (np.sqrt(max(a @ lengths[: k + 1, : k + 1] @ a, 0.0)) for a in (y - before, y))
+        if length == 0.0 or abs(rhs[k + 1]) <= tolerance * size and change <= settled * max(long, whole):
             break
         basis.append(w / length)
     m = len(found)
-    y = np.linalg.solve(upper[:m, :m], rhs[:m])
     x = np.zeros_like(b) if start is None else start.copy()
     for weight, z in zip(y, found, strict=True):
         x += weight * z
     return KrylovResult(x, m, abs(float(rhs[m])) / size)
+
+
+def _take_off(weights, vectors, w) -> None:
+    for weight, v in zip(weights, vectors, strict=True):
+        w -= weight * v

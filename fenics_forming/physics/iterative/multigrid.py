@@ -29,12 +29,12 @@ class TwoLevels:
         """Residual of the nodes (nodes, 3), owners' part, at the vertices; to be added up over the ranks."""
         out = np.zeros((self._count, 3))
         out[:] = r[self._vertex_nodes]
-        out[self._coarse._shared.owned:] = 0.0
+        out[self._coarse.block.shared.owned:] = 0.0
         half = 0.5 * r[self._mids[self._mine]]
         first, second = self._ends[self._mine].T
         for k in range(3):
             out[:, k] += np.bincount(first, half[:, k], self._count) + np.bincount(second, half[:, k], self._count)
-        return self._coarse._shared.add_up(out)
+        return self._coarse.block.shared.add_up(out)
 
     def prolonged(self, x: np.ndarray) -> np.ndarray:
         """Linear velocities of the vertices (vertices, 3) at all nodes, for all copies."""

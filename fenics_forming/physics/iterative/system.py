@@ -21,6 +21,9 @@ from .sharing import Shared
 from .velocity_block import VelocityBlock
 
 ALSO = 1e-4     # tolerance of further right-hand sides: what is found from them is small, and must be exact
+# Relative change of the increment by the last iteration: where a body is next to rigid its flow is large in velocity and
+# small in force, and a Newton that does not hear of it stops too early.
+SETTLED = 0.05
 SCHUR = 0.5     # of the pressure mass over the viscosity: what the pressure is scaled by
 
 
@@ -52,7 +55,7 @@ class IterativeSystem:
         linear = Pattern(self._corners, vertices.count)
         body = np.zeros(n.count, int) if workpiece.parts is None else workpiece.parts.of_node
         self.coarse = CoarseSolver(linear, vertices, self.block.free[self._vertex_nodes], n.x[self._vertex_nodes],
-                                   body[self._vertex_nodes])
+                                   body[self._vertex_nodes], anything[self._vertex_nodes])
         self.mass = PressureMass(linear, vertices)
         self.mass.free[:] = free[workpiece.pressure_dofs[self._vertex_nodes]]
         self.divergence = Divergence(Incidence(self._corners, n.cells, vertices.count, nodes.count), vertices, nodes)
@@ -64,8 +67,10 @@ class IterativeSystem:
             self._facet_coarse_places = linear.places_of(self._facet_corners)
         if workpiece.interfaces is not None:
             from .between import BetweenBodies
+            from .on_vertices import OnVertices
             between = BetweenBodies(workpiece, workpiece.interfaces, nodes, self.coarse.everywhere)
-            self.block.others, self.coarse.between = (between,), between
+            self.block.others = (between,)
+            self.coarse.block.others = (OnVertices(between, workpiece.interfaces, vertices, self.coarse.everywhere),)
         self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
         self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
         self._split, self._scale = 3 * nodes.owned, 1.0
@@ -89,7 +94,7 @@ class IterativeSystem:
 
     def assemble(self) -> None:
         """The tangent at the present state."""
-        body, block, coarse, mass = self._body, self.block, self.coarse, self.mass
+        body, block, coarse, mass = self._body, self.block, self.coarse.block, self.mass
         for part in (block, coarse, mass):
             part.clear()
         self._of_contact[:] = 0.0
@@ -109,7 +114,7 @@ class IterativeSystem:
 
     def _add_mass(self, shape: np.ndarray, hats: np.ndarray, weighted: np.ndarray):
         """Add ∫ c v·w, with shape functions and c times volume (cells, points) at points of a rule of its own."""
-        block, coarse = self.block, self.coarse
+        block, coarse = self.block, self.coarse.block
         kernels.mass_blocks(self._n.cells, shape, weighted, block.pattern.places, block.diagonal, block.upper)
         kernels.mass_blocks(self._corners, hats, weighted, coarse.pattern.places, coarse.diagonal, coarse.upper)
 
@@ -131,7 +136,7 @@ class IterativeSystem:
                              self._of_contact, self.block.upper)
         self.block.diagonal += self._of_contact
         kernels.facet_blocks(self._facet_corners[chosen], facets.hats, weighted, self._facet_coarse_places[chosen],
-                             self.coarse.diagonal, self.coarse.upper)
+                             self.coarse.block.diagonal, self.coarse.block.upper)
 
     def lift(self, b: PETSc.Vec) -> None:
         """Add to the residual what given velocities that are not met yet do to the other equations, ghosts not summed."""
@@ -174,7 +179,7 @@ class IterativeSystem:
                           b.array[self._own_pressure] * self.mass.free[: self._vertices.owned])
         found = fgmres(self._n.comm, lambda z: self._measured(self._times(z)),
                        lambda r: self._precondition(self._measured(r, back=True)), self._measured(rhs),
-                       tolerance=tolerance, most=self.most, start=start)
+                       tolerance=tolerance, most=self.most, settled=SETTLED, start=start)
         self._last = found.x
         self.iterations = found.iterations
         if not found.reduction <= tolerance:
