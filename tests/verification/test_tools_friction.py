@@ -183,3 +183,46 @@ def test_belt_around_a_drum_holds_the_more_the_farther_it_reaches(coefficient, d
     tension = fields(solver).reaction(far)[axis] * along[axis]
     verified("7", f"capstan, body on body, {degrees} degrees, coefficient {coefficient}", tension / pull, ratio,
              within=1e-2)
+
+
+@pytest.mark.parametrize("coefficient, cells", [(0.0, (36, 7)), (0.2, (24, 10))])
+def test_drum_carries_a_turning_shoe_where_it_has_come_to(coefficient, cells):
+    """A shoe over 40 degrees of a drum, pressed on it and turned with it by 0.15 radian, over several sides of either mesh:
+    what the drum bears turns with the shoe, the shoe bears the same in its own frame, and the moment is coefficient times
+    radius times the pressures, whose resultant over 40 degrees is 0.9798 of their sum."""
+    turn, press, radius = 0.15, 0.02, 50.0
+    mesh = side_by_side(ring_sector(40, radius, 2, cells[0], np.pi), ring_sector(radius, 56, 2, cells[1], np.deg2rad(40)))
+    upright, x = np.deg2rad(70), mesh.geometry.x
+    of_shoe = np.hypot(x[:, 0], x[:, 1]) > radius + 1e-6
+    between = at_radius(mesh, radius)
+    shoe, drum = facing(mesh, between, lambda x: np.hypot(*x.T) > radius)
+    of_shoe |= np.isin(np.arange(len(x)), facet_nodes(Nodes(mesh), shoe))
+    x[of_shoe, :2] = x[of_shoe, :2] @ [[np.cos(upright), np.sin(upright)], [-np.sin(upright), np.cos(upright)]]
+    inside, outside = at_radius(mesh, 40), at_radius(mesh, 56)
+    held = [FixedDisplacement(inside, i) for i in (0, 1)]
+    held += [FixedDisplacement(outside, 0, lambda x: -turn * x[:, 1] - press * x[:, 0] / 56),
+             FixedDisplacement(outside, 1, lambda x: turn * x[:, 0] - press * x[:, 1] / 56)]
+    body = ToolBody(Nodes(mesh), kinematics="plane_stress", material=STEEL, held=held)
+    slave, master = (shoe, drum) if 40 / cells[1] <= 180 / cells[0] else (drum, shoe)
+    friction = laws.Coulomb(coefficient=coefficient) if coefficient else laws.NoFriction()
+    solver = AssembledSolver(body, [PartContact(slave, master, friction=friction)])
+    borne = []
+    for part in (1 / 3, 2 / 3, 1.0):
+        solver.solve(held=part, steps=1)
+        reactions = fields(solver).reactions
+        forces, moments = [], []
+        for facets in (inside, outside):
+            nodes = facet_nodes(body.nodes, facets)
+            forces.append(reactions[nodes].sum(axis=0))
+            moments.append(body.nodes.x[nodes, 0] @ reactions[nodes, 1] - body.nodes.x[nodes, 1] @ reactions[nodes, 0])
+        size, (below, above) = np.linalg.norm(forces, axis=1), (np.arctan2(*force[::-1]) for force in forces)
+        assert size[0] == pytest.approx(size[1], rel=1e-4)
+        assert below - above - np.pi == pytest.approx(part * turn, abs=1e-4)
+        leverage = np.array([moments[0], -moments[1]]) / (radius * size * np.cos(np.arctan(coefficient)))
+        assert -leverage == pytest.approx(coefficient / 0.9798, rel=0.02, abs=1e-3)
+        borne.append((size[0] / part, above))
+    sizes, directions = np.array(borne).T
+    assert sizes == pytest.approx(3 * [sizes[0]], rel=0.02)
+    assert directions == pytest.approx(3 * [directions[0]], abs=5e-3)     # 0.7 % of 40 degrees: ends between points
+    if coefficient == 0:
+        assert directions[0] == pytest.approx(-np.pi / 2, abs=5e-3)       # friction tips the shoe a little

@@ -69,6 +69,8 @@ class BodyContact:
     seconds : CPU time spent on search, operator, law, forces and tangent
     """
 
+    _frames: np.ndarray | None = None       # (points, dim, dim): motion of a foot, as the slave sees it in its own frame
+
     def __init__(self, nodes: Nodes, kinematics: Kinematics, slave: np.ndarray, master: np.ndarray, *, dofs: np.ndarray,
                  owned: int, free: np.ndarray | None = None, friction=None, element: str = "integration_point",
                  interference: float = 0.0, slip_regularisation: float = 1e-3):
@@ -124,12 +126,16 @@ class BodyContact:
         beyond = np.maximum(np.where(self._near, gap, 0.0) - soon, 0.0) / fade
         self._counted = np.where(self._near, self.point_weights / (1.0 + beyond**2) ** 2, 0.0)
         self._normals = self.points.corner_normals(x)
+        self._find_frames()
         self._carry()
         self.seconds += process_time() - start
 
     def _surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Surface of the points, (points,), and outward normals, (points, dim)."""
         return self.points.surface(x)
+
+    def _find_frames(self) -> None:
+        """Normals, and motions of the feet, are those of space: nothing to be turned into frames of the bodies."""
 
     def sharpen(self, flags: np.ndarray) -> None:
         """Make edges of the slave sharp that were so in an earlier run (``Carriers.sharp_edges``). Collective."""
@@ -190,7 +196,8 @@ class BodyContact:
         self.rows = gap_rows(carrier, point, share, nodes=len(self.unknowns), means=normal,
                              places=np.concatenate([self._places[side], self._master_places[facet]], axis=1),
                              shapes=np.concatenate([shape, -self._found.shapes[near]], axis=1),
-                             normals=self._found.normal[near])
+                             normals=self._found.normal[near],
+                             frames=None if self._frames is None else self._frames[near])
         self._back = carriers.mine(total(self.nodes.comm, self.rows.back))
         self.weights = carriers.mine(np.where(over, weight, 0.0))
         state.gap, state.normal = carriers.mine(np.where(over, mean[:, 0], np.inf)), carriers.mine(normal)

@@ -38,7 +38,7 @@ class GapRows:
 
 
 def gap_rows(carrier: np.ndarray, point: np.ndarray, share: np.ndarray, *, places: np.ndarray, shapes: np.ndarray,
-             normals: np.ndarray, means: np.ndarray, nodes: int) -> GapRows:
+             normals: np.ndarray, means: np.ndarray, nodes: int, frames: np.ndarray | None = None) -> GapRows:
     """Entries of the points for each carrier.
 
     Parameters
@@ -46,9 +46,12 @@ def gap_rows(carrier: np.ndarray, point: np.ndarray, share: np.ndarray, *, place
     carrier, point, share : (m,) points and the carriers in which they count, and how much
     places : (p, n) nodes that move each point or its foot, numbered below ``nodes`` · shapes : (p, n) their shape functions
     normals : (p, dim) at the points · means : (all carriers, dim) of the carriers
+    frames : (p, dim, dim) turn motions of the second half of the nodes, those of the foot, into the frame of the point
     """
-    flat = len(point) == 0 or bool(np.abs(normals[point] - means[carrier]).max() < ALIKE)
-    return GapRows(*_gathered(carrier, point, share, places, shapes, normals, means, nodes, flat))
+    alike = frames is None and (len(point) == 0 or bool(np.abs(normals[point] - means[carrier]).max() < ALIKE))
+    if frames is None:
+        frames = np.empty((0, normals.shape[1], normals.shape[1]))
+    return GapRows(*_gathered(carrier, point, share, places, shapes, normals, means, frames, nodes, alike))
 
 
 @_compile
@@ -107,13 +110,29 @@ def _pattern(begin, order, point, places, nodes):
 
 
 @_compile
-def _gathered(carrier, point, share, places, shapes, normals, means, nodes, flat):
+def _add(block, factor, turn):
+    for i in range(len(block)):
+        for j in range(len(block)):
+            block[i, j] += factor * turn[i, j]
+
+
+@_compile
+def _product(turn, frame, out):
+    for i in range(len(out)):
+        for j in range(len(out)):
+            out[i, j] = 0.0
+            for k in range(len(out)):
+                out[i, j] += turn[i, k] * frame[k, j]
+
+
+@_compile
+def _gathered(carrier, point, share, places, shapes, normals, means, frames, nodes, flat):
     count, dim = means.shape
     begin, order = _by_carrier(carrier, count)
     starts, node = _pattern(begin, order, point, places, nodes)
-    width = 1 if flat else dim
+    width, framed, own = 1 if flat else dim, len(frames) > 0, places.shape[1] // 2
     blocks, back = np.zeros((len(node), width, width)), np.zeros((count, dim, dim))
-    turn, slot = np.eye(dim), np.empty(nodes, np.int64)
+    turn, other, slot = np.eye(dim), np.eye(dim), np.empty(nodes, np.int64)
     for a in range(count):
         for s in range(starts[a], starts[a + 1]):
             slot[node[s]] = s
@@ -121,12 +140,9 @@ def _gathered(carrier, point, share, places, shapes, normals, means, nodes, flat
             p, w = point[k], share[k]
             if not flat:
                 _turning(normals[p], means[a], turn)
-            for i in range(dim):
-                for j in range(dim):
-                    back[a, i, j] += w * turn[j, i]
+            _add(back[a], w, turn.T)
+            if framed:
+                _product(turn, frames[p], other)
             for b in range(places.shape[1]):
-                block, factor = blocks[slot[places[p, b]]], w * shapes[p, b]
-                for i in range(width):
-                    for j in range(width):
-                        block[i, j] += factor * turn[i, j]
+                _add(blocks[slot[places[p, b]]], w * shapes[p, b], other if framed and b >= own else turn)
     return starts, node, blocks, back

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -11,12 +12,12 @@ from ..parallel import highest, lowest, total
 from . import point_law as law
 from .bodies import BodyContact
 from .holding import Hold, augmented, held_places, hold
-from .slave_points import SlavePoints
+from .surface_turn import Turned, turned_with
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
+BENT = 0.05          # of the displacements of a surface that has turned: if more is not that of a rigid one, it is no frame
 SLIDE = 0.1          # of the smallest side: parts that have slid farther since they were paired meet other sides
-TURNED = 2e-3        # mean turn of a surface, radian, up to which pairs are found anew: so far off is a coefficient then
 
 
 class PartContactField(BodyContact):
@@ -35,6 +36,7 @@ class PartContactField(BodyContact):
     friction_work = interference_work = 0.0
     creep = 0.0         # see `holding.hold`
     paired: np.ndarray | None = None
+    _turned: tuple[np.ndarray, np.ndarray] | None = None        # rotations of slave and master where they are paired
     _grouped_by: np.ndarray | None = None
     _interference: float | None = None      # declared
 
@@ -93,19 +95,14 @@ class PartContactField(BodyContact):
         slid = np.linalg.norm(way - normal[:, None] * self.state.normal, axis=1)[self.state.active]
         return highest(self.nodes.comm, float(slid.max(initial=0.0))) > SLIDE * self.smallest_side
 
-    def has_turned(self, displacement: np.ndarray) -> bool:
-        """Whether one of the parts has turned with its sliding, by displacements (nodes, dim), as a belt does that goes
-        round a drum. Small strains balance its forces as it lay at first; normals from where it has come to would push it
-        along by the turn as friction does. Collective."""
-        nodes, found = self.nodes, []
-        for sides in (self.points.sides, self._master):
-            surface = SlavePoints(sides, self.points.kinematics, self.dim, "node")
-            before, now = surface.corner_normals(nodes.x), surface.corner_normals(nodes.x + displacement)
-            cosine = np.einsum("fki,fki->fk", before, now)
-            turn = np.sqrt(2.0 * np.clip(1.0 - cosine, 0.0, None))
-            sums = total(nodes.comm, np.array([turn.sum(), turn.size]))
-            found.append(sums[0] / max(sums[1], 1.0))
-        return max(found) > TURNED
+    def has_bent(self, displacement: np.ndarray) -> bool:
+        """Whether displacements (nodes, dim) turn a surface, but not as a rigid one, as a long belt that is stretched on a
+        drum: no frame balances its forces, and it keeps the sides that it meets. Collective."""
+        return max(turned.bent for turned in self._turns(displacement)) > BENT
+
+    def _turns(self, displacement: np.ndarray) -> list[Turned]:
+        """How displacements (nodes, dim) turn the surfaces of slave and master. Collective."""
+        return [turned_with(self.nodes, sides, displacement) for sides in (self.points.sides, self._master)]
 
     def _paired_at(self) -> np.ndarray:
         """Relative displacement at which the parts were paired, (carriers, dim)."""
@@ -129,7 +126,13 @@ class PartContactField(BodyContact):
 
     def pair_at(self, displacement: np.ndarray | None, unknowns: PETSc.Vec | None) -> None:
         """Pair points and sides at these displacements (nodes, dim), also given as ``unknowns``. Collective."""
-        self.search(self.nodes.x if displacement is None else self.nodes.x + displacement, self.dt)
+        self._turned, x = None, self.nodes.x
+        if displacement is not None:
+            own, other = self._turns(displacement)
+            x = own.x
+            x[self._master] = other.x[self._master]
+            self._turned = own.rotation, other.rotation
+        self.search(x, self.dt)
         self.paired, gap = displacement, self.state.gap
         relative = self._relative_then = np.zeros((len(self.weights), self.dim)) if displacement is None else \
             self.relative(unknowns)
@@ -143,6 +146,14 @@ class PartContactField(BodyContact):
     def _surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """That of the mesh: tractions are over it, as stresses of small strains are; normals where the parts are now."""
         return self.points.surface(self.nodes.x)[0], self.points.surface(x)[1]
+
+    def _find_frames(self) -> None:
+        """Each part in the frame that its surface has turned with: normals as the slave sees them."""
+        self._frames = None
+        if self._turned is not None:
+            own, other = self._turned
+            self._frames = np.broadcast_to(own.T @ other, (len(self._near), self.dim, self.dim))
+            self._found = replace(self._found, normal=self._found.normal @ own)
 
     def _carry(self) -> None:
         """As at the start: elastic displacements make no edge sharp. Collective."""

@@ -3,7 +3,8 @@ r"""A tool of several parts that press and rub on one another: Newton's iteratio
 The parts are disjoint in one mesh.  Contact adds nodal forces :math:`G^Tw\,t(Gu)` and the tangent of ``contact.parts`` in
 displacements (FORMULATION.md 3): there the closing *displacement* takes the place of the closing speed, in a step of 1 s.
 Strains are small, but parts may slide: in a load step points and sides are paired anew where parts have come to lie
-opposite to other sides, unless they turn with that.  Friction remembers what it held in the last accepted step.
+opposite to other sides; where they turn with that, each feels the other in its own frame (``contact.surface_turn``).
+Friction remembers what it held in the last accepted step.
 """
 
 from __future__ import annotations
@@ -300,7 +301,7 @@ class AssembledSolver(PlasticSolver):
         spent = 0
         for _ in range(PAIRINGS):
             moved = self.body.nodal()
-            slid = [contact for contact in self.contacts if contact.has_slid() and not contact.has_turned(moved)]
+            slid = [contact for contact in self.contacts if contact.has_slid() and not contact.has_bent(moved)]
             if not slid:
                 break
             for contact in slid:
