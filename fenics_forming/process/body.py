@@ -255,6 +255,11 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
     def velocity_gradient(self) -> np.ndarray:
         return self.workpiece.nodal_velocity_gradient()
 
+    def turn(self, before: np.ndarray) -> None:
+        """The nodes have gone on from ``before`` (nodes, dim): what the next solve starts from turns along."""
+        from .turning import turn
+        turn(self, before)
+
     def frozen(self, values: np.ndarray) -> FrozenField:
         """Nodal values (nodes, k) on the mesh as it lies now, at any place."""
         return FrozenField(self.nodes, values)

@@ -59,6 +59,8 @@ class Body(Protocol):
 
     def frozen(self, values: np.ndarray): ...
 
+    def turn(self, before: np.ndarray) -> None: ...
+
 
 def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """History plus the weighted rates, ``parts`` of (weight in s, rates); what gathers never becomes less, which leaves
@@ -100,6 +102,15 @@ class Scheme:
             return velocity
         return shifting.turned(velocity, body.velocity_gradient(), dt, known_at=known_at)
 
+    def carry(self, body: Body, x0: np.ndarray, velocity: np.ndarray, dt: float, time: float) -> None:
+        """Move the nodes from ``x0`` by ``dt`` with the mean velocity of the way, and the tools to ``time``; of a body
+        that turns, the next solve starts from velocities that have turned along."""
+        found_at = body.x.copy()
+        body.x[:] = shifting.explicit(x0, velocity, dt)
+        body.place(time)
+        if self.rotation:
+            body.turn(found_at)
+
     def memory(self) -> tuple[dict[str, float], dict[str, np.ndarray]]:
         """Numbers and nodal arrays that the next step needs of the steps before, by name."""
         return {}, {}
@@ -115,8 +126,7 @@ class Explicit(Scheme):
     look_ahead = 1.0
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
-        body.x[:] = shifting.explicit(body.x, self.carried(body, start.velocity, dt, "start"), dt)
-        body.place(time + dt)
+        self.carry(body, body.x.copy(), self.carried(body, start.velocity, dt, "start"), dt, time + dt)
         return StepEnd(advanced(history, (dt, start.rates)), 0, 0, None, np.inf)
 
 
@@ -203,11 +213,9 @@ class Midpoint(Scheme):
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0, gaps = body.x.copy(), body.gaps()
-        body.x[:] += dt / 2 * self.carried(body, start.velocity, dt / 2, "start")
-        body.place(time + dt / 2)
+        self.carry(body, x0, self.carried(body, start.velocity, dt / 2, "start"), dt / 2, time + dt / 2)
         middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt, gaps=gaps)
-        body.x[:] = shifting.explicit(x0, self.carried(body, middle.velocity, dt, "middle"), dt)
-        body.place(time + dt)
+        self.carry(body, x0, self.carried(body, middle.velocity, dt, "middle"), dt, time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())
         return StepEnd(advanced(history, (dt, middle.rates)), middle.iterations, 1, None, error)
 

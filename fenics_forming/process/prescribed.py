@@ -51,6 +51,9 @@ class PrescribedFlow:
     def velocity_gradient(self) -> np.ndarray:
         return self.nodes.gradient(self._velocity)
 
+    def turn(self, before: np.ndarray) -> None:
+        """A given field is not sought: it starts from nothing."""
+
     def frozen(self, values: np.ndarray) -> FrozenField:
         return FrozenField(self.nodes, values)
 

@@ -58,6 +58,7 @@ class Simulation:
         self.deforming = self._deforming(tools)
         self.saved_at, self._saved = resume, None if resume is None else load_checkpoint(resume)
         body = self._placed(tools)
+        self.warnings += self._overlaps(body)
         self.start_volume = self._volume(body) if self._saved is None else self._saved.scalars["start_volume"]
         self.start_extents = np.array(body.nodes.extents()).tolist() if self._saved is None else \
             self._saved.scalars["start_extents"]
@@ -126,6 +127,14 @@ class Simulation:
             mesh, self.mesh_size = saved.mesh(self.comm), saved.scalars["mesh_size"]
             self.mirrors = {int(a): v for a, v in saved.scalars["mirrors"].items()}
         return flowing_body(scene, mesh, tools, self.mirrors)
+
+    def _overlaps(self, body: FlowingBody) -> list[str]:
+        """Warnings of tools or bodies from files that stand a little in one another at the start."""
+        described = (*self.scene.workpieces.values(), *self.scene.tools.values())
+        if self._saved is not None or all(d.shape is None or d.shape.file is None for d in described):
+            return []
+        from ..process.overlap import overlaps
+        return overlaps(self.scene, body)
 
     def _heat_ledger(self, body: FlowingBody):
         """What is known of heat made and lost, where temperatures change; else None."""

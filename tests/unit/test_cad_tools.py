@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_forming import Scene, check, simulate
+from fenics_forming import Scene, Simulation, check, simulate
 from fenics_forming.errors import SceneError
 from fenics_forming.physics.contact.triangulated import Triangulated
 from fenics_forming.physics.meshing import gmsh_model
@@ -61,6 +61,15 @@ def test_a_flat_die_from_a_file_presses_like_a_plane(tmp_path):
     forces = [simulate(described, tmp_path / "out").force() for described in (
         scene(path), scene(path, shape={"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, -1]}))]
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
+
+
+def test_a_die_that_stands_in_the_body_is_refused_in_words(tmp_path):
+    """Its nodes would be put onto the surface of the die, and cells turned inside out."""
+    path = write(tmp_path / "deep.step", lambda occ: occ.addBox(-10, -10, -3, 20, 20, 5))
+    with pytest.raises(SceneError, match="tools.die.shape: overlaps the workpiece at the start, .* mm deep at"):
+        simulate(scene(path))
+    grazing = write(tmp_path / "grazing.step", lambda occ: occ.addBox(-10, -10, -0.2, 20, 20, 5))
+    assert [w for w in Simulation(scene(grazing)).warnings if "0.2 mm deep" in w and "put onto its surface" in w]
 
 
 def test_a_file_without_a_body_is_refused_in_words(tmp_path):

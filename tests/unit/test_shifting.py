@@ -1,5 +1,7 @@
 """Moving the material: exponential shift, known trajectories, volume-drift laws of the schemes (REFERENCES 2)."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from fenics_forming.process.body import FlowingBody
 from fenics_forming.process.integration import Etd2, Explicit, Flow, Midpoint, Rotation, Trapezoid
 from fenics_forming.process.schemes import SCHEMES, scheme_of
 from fenics_forming.process.substeps import Substeps
+from fenics_forming.process.turning import turn
 from fenics_forming.scene import Shifting
 
 
@@ -145,6 +148,9 @@ class Given:
     def velocity_gradient(self):
         return self._gradient(self.x)
 
+    def turn(self, before):
+        pass
+
     def run(self, scheme, end, steps):
         dt = end / steps
         for k in range(steps):
@@ -193,6 +199,22 @@ def test_explicit_shift_blows_up_a_spinning_ring(degrees, growth):
     radius = np.linalg.norm(ring().run(Explicit(), 2 * np.pi, 360 // degrees)) / 2
     assert radius == pytest.approx(growth, abs=5e-7)   # digits of the table
     assert np.linalg.norm(ring().run(Etd2(), 2 * np.pi, 360 // degrees)) == pytest.approx(2, rel=1e-12)
+
+
+def test_what_a_solve_starts_from_turns_with_the_body():
+    """A rigid body that has turned starts from its rotation where it is now, one between mirror planes from what it had."""
+    for mirrors in ((), (0,)):
+        nodes = Nodes(meshing.rectangle((0, 0), (10, 20), (2, 3)))
+        fixed = [FixedVelocity(meshing.boundary_facets(nodes.mesh, lambda x, i=i: np.isclose(x[i], 0)), i) for i in mirrors]
+        workpiece = Workpiece(nodes, kinematics=kinematics.KINDS["plane_strain"], fixed=fixed,
+                              flow_stress=laws.Constant(value=100))
+        before, spin = nodes.x.copy(), np.array([[0.0, -0.7], [0.7, 0.0]])
+        given = (before - [3.0, 4.0]) @ spin.T
+        workpiece.set_start(given, np.zeros(nodes.count))
+        nodes.x[:] = (before - [3.0, 4.0]) @ rotation(0.3).T + [3.0, 4.0]
+        turn(SimpleNamespace(workpiece=workpiece, nodes=nodes, parts=None, x=nodes.x), before)
+        expected = given if mirrors else (nodes.x - [3.0, 4.0]) @ spin.T
+        assert workpiece.velocity == pytest.approx(expected, abs=1e-12)
 
 
 # ---------------------------------------------------------------------- volume drift of a real body

@@ -149,6 +149,7 @@ class RigidContact:
         self.inertia = 0.0                      # what the mass that lands in a step adds to C, N s/mm³
         self.dt = self._speed = 1.0
         self.slip0 = slip_regularisation
+        self.weights: np.ndarray | None = None      # of the points, mm² and what goes with them: known by the first search
         self._start()
 
     def _start(self) -> None:
@@ -381,7 +382,8 @@ class RigidContact:
 
     def nodal_pressure(self) -> np.ndarray:
         """Contact pressure at the nodes (nodes,), MPa: hat-weighted mean of the pressure at the points."""
-        return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), self.weights)
+        weights = self.facets.weights() if self.weights is None else self.weights
+        return self.facets.to_nodes(sum(t.state.pressure for t in self.tools), weights)
 
     def powers(self, velocity: np.ndarray) -> dict[str, float]:
         """Power, mW: given by the tools, lost in friction, taken by the penalty and by landing points."""
