@@ -13,6 +13,7 @@ import numpy as np
 
 from ..physics.locating import Located, Locator, slopes
 from ..physics.nodes import quadratic_shapes
+from .vertex_fits import VertexFits
 
 INTEGRAND_DEGREE = 6     # quadratic value x radius x Jacobian (2-D); value x Jacobian is 5 in 3-D
 
@@ -44,10 +45,11 @@ class Transfer:
     def linear(self, values: np.ndarray) -> np.ndarray:
         """Values at the points of a field that is linear between vertices, bounded: (n[, k]) old nodes to (p[, k]).
 
-        u(x) = sum_i l_i [u_i + (1/2) g_i (x - x_i)] with the barycentric coordinates l, the vertices x_i and the
-        volume-weighted nodal gradients g_i: exact for linear fields, and for quadratic ones as far as the gradients
-        are, where plain linear interpolation flattens every peak. The result is cut to the range of the vertices of
-        the cell and of their neighbours: nothing falls below the least or rises above the greatest value near by.
+        u(x) = sum_i l_i [u_i + (2/3) g_i (x - x_i) + (1/6) (x - x_i) H_i (x - x_i)] with the barycentric coordinates l,
+        the vertices x_i, and the slopes g_i and curvatures H_i of the cubics fitted there (``vertex_fits``): exact for
+        cubic fields, as far as those are, where plain linear interpolation flattens every peak. The result is cut to the
+        range of the vertices of the cell and of their neighbours: nothing falls below the least or rises above the
+        greatest value near by; and above the vertices of its cell only by as much as these stand out from the least.
 
         Only the values at vertices are read.
         """
@@ -55,13 +57,17 @@ class Transfer:
         old = np.asarray(values, float).reshape(len(mesh.x), -1)
         corners = mesh.vertices[found.cells]
         place = np.einsum("pi,pij->pj", found.barycentric, mesh.x[corners])
+        away, outside = place[:, None] - mesh.x[corners], (self.points - place)[:, None]
+        # under a curved side; a point farther out than its cell is large takes the value at the nearest place
+        outside[found.distance > np.linalg.norm(away, axis=2).max(axis=1)] = 0.0
         out = np.empty((len(self.points), old.shape[1]))
         for k, column in enumerate(old.T):
-            slopes = self._nodal_gradient(column)[corners]
-            away = 0.5 * (place[:, None] - mesh.x[corners]) + (self.points - place)[:, None]
-            guess = np.einsum("pi,pi->p", found.barycentric, column[corners] + np.einsum("pij,pij->pi", slopes, away))
-            lowest, highest = self._range(column)
-            out[:, k] = np.clip(guess, lowest[corners].min(axis=1), highest[corners].max(axis=1))
+            fitted = self._fits.of(column)
+            slopes, curvatures = fitted.slopes[corners], fitted.curvatures[corners]
+            beside = (fitted.values[corners] + np.einsum("pij,pij->pi", slopes, 2 / 3 * away + outside)
+                      + np.einsum("pij,pijk,pik->pi", away, curvatures, away) / 6)
+            guess = np.einsum("pi,pi->p", found.barycentric, beside)
+            out[:, k] = np.clip(guess, *self._limits(column, corners))
         return out.reshape((len(self.points),) + np.shape(values)[1:])
 
     def quadratic(self, values: np.ndarray) -> np.ndarray:
@@ -73,7 +79,11 @@ class Transfer:
         shapes = quadratic_shapes(found.barycentric, mesh.dim)
         return np.einsum("pa,pa...->p...", shapes, np.asarray(values, float)[mesh.cells[found.cells]])
 
-    # ------------------------------------------------------------------ limited slopes
+    # ------------------------------------------------------------------ slopes and limits
+    @cached_property
+    def _fits(self) -> VertexFits:
+        return VertexFits(self.locator)
+
     @cached_property
     def _vertex_rows(self):
         """The cells' vertices sorted by node: order of the flattened vertices, first place and number of every node."""
@@ -82,16 +92,13 @@ class Transfer:
         nodes, first = np.unique(flat[order], return_index=True)
         return order, nodes, first
 
-    def _nodal_gradient(self, column):
-        """Volume-weighted mean at the vertices of the gradients in the cells around, (n, dim)."""
-        mesh = self.locator
-        rise = column[mesh.vertices[:, 1:]] - column[mesh.vertices[:, :1]]
-        slope = np.einsum("ci,cij->cj", rise, mesh.gradients)
-        weight = mesh.weights
-        count, nodes = len(mesh.x), mesh.vertices.ravel()
-        sums = [np.bincount(nodes, np.repeat(weight * slope[:, j], mesh.dim + 1), count) for j in range(mesh.dim)]
-        whole = np.bincount(nodes, np.repeat(weight, mesh.dim + 1), count)
-        return np.stack(sums, axis=1) / np.where(whole > 0, whole, 1.0)[:, None]
+    def _limits(self, column, corners):
+        """Least and greatest value that may be found in the cells of the points, (p,) twice."""
+        lowest, highest = self._range(column)
+        least, most = column[corners].min(axis=1), column[corners].max(axis=1)
+        lowest, highest = lowest[corners].min(axis=1), highest[corners].max(axis=1)
+        # where all of a cell is as low as its neighbourhood, as beside a jump, nothing in it is higher than its vertices
+        return np.maximum(lowest, 2 * least - highest), np.minimum(highest, 2 * most - lowest)
 
     def _range(self, column):
         """Least and greatest value at the vertices of the cells around every vertex, (n,) twice."""
