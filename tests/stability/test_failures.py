@@ -10,6 +10,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming import cli
+from fenics_forming.physics.newton import FlowSolver
 from fenics_forming.process.integration import Midpoint
 from fenics_forming.results import Results
 from fenics_forming.simulation import Simulation
@@ -39,6 +40,27 @@ def test_body_pushed_into_free_space_is_told_that_nothing_opposes_it(tmp_path):
     top = outcome.results.summary["extents_mm"]["block"]["y"][1]
     assert top == pytest.approx(2 - outcome.last["stroke_upper_mm"], abs=1e-6)
     assert any("nothing opposes the tool 'upper'" in note for note in outcome.heard.notes), "said at the start, too"
+
+
+def test_a_start_that_finds_no_flow_is_cut_and_the_run_goes_on(tmp_path, monkeypatch):
+    """A free roll on a strip that is pushed 2 mm a step found no first flow while contact looked that far ahead (random
+    operations); here the two first attempts fail by themselves. What they leave behind does not count."""
+    short = 0.05 / 64
+    whole = run(BLOCK, tmp_path / "whole", f"steps.stroke={short}", f"stop.stroke={short}")
+    solve, tried = FlowSolver.solve, []
+
+    def fails_twice(solver, **given):
+        tried.append(given)
+        if len(tried) < 3:
+            solver.workpiece.solution.x.array[:] = 1e3
+            raise ff.ConvergenceError("no flow", history=["none"], advice="none")
+        return solve(solver, **given)
+
+    monkeypatch.setattr(FlowSolver, "solve", fails_twice)
+    outcome = run(BLOCK, tmp_path / "cut")
+    assert outcome.failure is None
+    assert [note for note in outcome.heard.notes if "cut" in note] == ["step 1 cut: no flow"] * 2
+    assert forces(outcome)[0] == pytest.approx(forces(whole)[0], rel=1e-6), "that of a start that looks as far ahead"
 
 
 def test_failure_in_the_first_solve_leaves_the_body_as_it_was_and_the_reason(tmp_path, capsys):
