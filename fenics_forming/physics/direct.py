@@ -37,7 +37,6 @@ class DirectSystem:
 
     def follow(self) -> None:
         """Make ready for the present geometry and the present pairs of bodies in contact. Collective."""
-        self._bulk.follow()
         if self._body.interfaces is not None and self.matrix.follow(self._body.conditions):
             self._solver = None
 

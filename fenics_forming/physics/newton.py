@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from ..errors import ConvergenceError
 from .linear_choice import linear_system
+from .node_kernels import sum_of_squares
 from .parallel import highest, total
 from .point_data import sensible
 from .workpiece import Workpiece
@@ -322,9 +323,8 @@ class FlowSolver:
 
     def _relative_change(self) -> float:
         body = self.workpiece
-        d = body.increment.x.array[body.owned_velocity_dofs]
-        v = body.solution.x.array[body.owned_velocity_dofs]
-        sums = total(body.nodes.comm, np.array([d @ d, v @ v]))
+        squares = [sum_of_squares(f.x.array, body.owned_velocity_dofs) for f in (body.increment, body.solution)]
+        sums = total(body.nodes.comm, np.array(squares))
         return float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0
 
 

@@ -12,6 +12,7 @@ from dolfinx import fem, la
 from dolfinx.mesh import Mesh
 
 from . import compiling  # noqa: F401  before the first form or space is compiled
+from .node_kernels import products, sums_at_vertices
 from .parallel import highest, lowest
 
 QUADRATURE_DEGREE = {2: 3, 3: 2}   # of the flow: 6 points a triangle, 4 a tetrahedron
@@ -72,6 +73,8 @@ class Nodes:
 
         Mid-nodes get the mean of the ends of their edge.
         """
+        if self.comm.size == 1:
+            return self.with_mids(values.copy())
         flat = values.reshape(self.count, -1)
         width = flat.shape[1]
         if width not in self._sums:
@@ -81,9 +84,8 @@ class Nodes:
         array[:] = 0.0
         v = self.is_vertex
         array[self.scalar_dofs[v]] = flat[v]
-        if self.comm.size > 1:
-            vector.scatter_reverse(la.InsertMode.add)
-            vector.scatter_forward()
+        vector.scatter_reverse(la.InsertMode.add)
+        vector.scatter_forward()
         out = np.empty_like(flat)
         out[v] = array[self.scalar_dofs[v]]
         return self.with_mids(out).reshape(values.shape)
@@ -119,13 +121,9 @@ class Nodes:
         For a quantity that is linear in each cell, such as the rate of a quadratic velocity, evaluated at the
         vertices themselves this is second order also on the boundary.
         """
-        weight = self.cell_sizes()
-        flat = at_vertices.reshape(len(self.cells), self.dim + 1, -1)
-        nodes = self.vertices.ravel()
-        columns = [np.bincount(nodes, np.repeat(weight, self.dim + 1), self.count)]
-        columns += [np.bincount(nodes, (flat[:, :, k] * weight[:, None]).ravel(), self.count)
-                    for k in range(flat.shape[2])]
-        sums = self.sum_over_ranks(np.stack(columns, axis=1))
+        width = int(np.prod(at_vertices.shape[2:]))
+        flat = np.ascontiguousarray(at_vertices).reshape(len(self.cells), self.dim + 1, width)
+        sums = self.sum_over_ranks(sums_at_vertices(self.vertices, self.cell_sizes(), flat, self.count))
         mean = sums[:, 1:] / sums[:, :1]
         mean = self.with_mids(mean)
         return mean.reshape((self.count,) + at_vertices.shape[2:])
@@ -140,7 +138,7 @@ class Nodes:
     def fit_to_vertices(self, at_points: np.ndarray) -> np.ndarray:
         """Values (cells, points, k) at the integration points, fitted linearly in each cell, at its vertices
         (cells, dim + 1, k): a curved cell may be singular there, what is linear in a straight one is met."""
-        return np.einsum("vp,cpk->cvk", self._to_vertices, at_points)
+        return products(self._to_vertices, np.ascontiguousarray(at_points))
 
     def gradient(self, nodal: np.ndarray) -> np.ndarray:
         """Gradient (count, k, dim) of a nodal field (count, k), 1/mm of its unit: volume-weighted mean at the nodes.

@@ -30,12 +30,6 @@ class PlaneMatrix:
         self._others = fem.form(sum(others)) if others else None
         self._rest = fem.create_matrix(self._others) if others else None      # of the same pattern
         self._lay_out()
-        self.follow()
-
-    def follow(self) -> None:
-        """Take over the surface that belongs to the contact points on the present geometry."""
-        contact = self._body.contact
-        self._surface = None if contact is None else contact.facets.weights()
 
     def _lay_out(self):
         """The pattern, and where the entries of cells and of contact facets lie in it."""
@@ -84,4 +78,5 @@ class PlaneMatrix:
                         float(body.rate0.value), *body.handed_over(), self._places, values)
         if body.contact is not None:
             facets = body.contact.facets
-            kernels.facet_tangent(facets.shape, facets.weighted_tangent(self._surface), self._facet_places, values)
+            weighted = facets.weighted_tangent(body.contact.weights)      # of the last search, on the present geometry
+            kernels.facet_tangent(facets.shape, weighted, self._facet_places, values)

@@ -25,9 +25,6 @@ class SystemMatrix:
         self.petsc = PETSc.Mat().createAIJWithArrays(
             (n, n), (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data), comm=form.mesh.comm)
 
-    def follow(self) -> None:
-        """Nothing: forms look at the present geometry by themselves."""
-
     def assemble(self, conditions) -> None:
         """Values anew; rows and columns of the conditions are those of the identity."""
         if self._rows is None:

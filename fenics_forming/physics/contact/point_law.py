@@ -78,11 +78,8 @@ def follow_contact(state: PointState, before: np.ndarray | None) -> None:
     of a point is halved when it differs from ``before``, (points,) active in the last iteration, and grows slowly while it
     does not (more slowly than doubling: cycles of period three and four must lose pace too).
     """
-    if before is None:
-        state.pace = np.ones(len(state.grip))
-    else:
-        state.pace = np.where(before == state.active, np.minimum(1.0, 1.2 * state.pace), 0.5 * state.pace)
-    state.grip = state.grip + state.pace * (state.active - state.grip)
+    state.pace, state.grip = (np.ones(len(state.grip)), state.active.astype(float)) if before is None else \
+        _followed(*_plain(before, state.active, state.pace, state.grip))
 
 
 def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:
@@ -124,6 +121,15 @@ def _trial_pressure(multiplier, tool_velocity, velocity, normal, gap, coefficien
             before += multiplier[p, i] * normal[p, i]
         out[p] = before + coefficient[p] * (closing - gap[p] / dt)
     return out
+
+
+@compiled
+def _followed(before, active, pace, grip):
+    paces, grips = np.empty(len(grip)), np.empty(len(grip))
+    for p in range(len(grip)):
+        paces[p] = min(1.0, 1.2 * pace[p]) if before[p] == active[p] else 0.5 * pace[p]
+        grips[p] = grip[p] + paces[p] * ((1.0 if active[p] else 0.0) - grip[p])
+    return paces, grips
 
 
 @compiled
