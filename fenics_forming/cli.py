@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 from pathlib import Path
 
@@ -124,6 +125,7 @@ def _run(options) -> int:
 
 def _check(options) -> int:
     from .scene import Scene, check, read_scene
+    from .scene.printing import broken
     if options.schema:
         import json
         print(json.dumps(Scene.json_schema(), indent=2))
@@ -132,7 +134,7 @@ def _check(options) -> int:
         raise SceneError("name a scene file to check, or --schema")
     scene = read_scene(options.scene, set=options.changes)
     warnings = check(scene)
-    print(scene)
+    print(broken(repr(scene), shutil.get_terminal_size().columns) if sys.stdout.isatty() else scene)
     for warning in warnings:
         print(as_lines(f"warning: {warning}", sys.stdout))
     print(f"{options.scene}: the scene is fine")

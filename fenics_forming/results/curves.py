@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from .drawing import new_axes, saved
-from .progress import name_and_unit
+from .table import name_and_unit
 
 LEFT_OUT = ("step", "time_s", "load_factor", "dt_s", "wall_s", "newton_iterations", "cut_backs")
 KINDS = {"N": "force", "N/mm": "force", "N mm": "torque", "MPa": "stress", "°C": "temperature", "mm": "place",

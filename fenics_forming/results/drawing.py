@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .files import ResultsError
-from .progress import name_and_unit
+from .table import name_and_unit
 
 AXES = {"plane_strain": "xy", "axisymmetric": "rz", "3d": "xyz"}
 

@@ -2,37 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 
 from ..errors import as_lines
-
-WORDS = {
-    "newton_iterations": "Newton",
-    "dt_s": "dt",
-    "wall_s": "wall time",
-    "max_effective_strain": "max strain",
-    "min_temperature_degC": "coldest",
-    "max_temperature_degC": "hottest",
-}
-UNITS = ("degC", "N_per_mm", "mm_per_s", "per_s", "Nmm", "MPa", "mW", "mJ", "J", "mm3", "mm2", "mm", "N", "s")
-
-
-def name_and_unit(column: str) -> tuple[str, str]:
-    """The words and the unit in the name of a column or field: "stroke_upper_mm" → "stroke upper", "mm"."""
-    for unit in UNITS:
-        if column.endswith("_" + unit):
-            words = column[: -len(unit) - 1]
-            shown = {
-                "degC": "°C",
-                "N_per_mm": "N/mm",
-                "mm_per_s": "mm/s",
-                "per_s": "1/s",
-                "mm3": "mm³",
-                "mm2": "mm²",
-                "Nmm": "N mm",
-            }.get(unit, unit)
-            return words.replace("_", " "), shown
-    return column.replace("_", " "), ""
+from .table import laid_out
 
 
 class Silent:
@@ -124,13 +98,12 @@ class Progress(Silent):
             self._say(repr(results))
 
     def _head(self, row):
-        self.columns = self.columns or _telling(row)
-        self.of = self.of or next((c for c in self.columns if c.startswith("stroke_")), "time_s")
-        heads = [(WORDS.get(c, name), unit) for c in self.columns for name, unit in [name_and_unit(c)]]
-        self._widths = [max(len(name), len(unit), 9 if unit else 6) for name, unit in heads]
-        for k, last in ((0, "limited by"), (1, "")):
-            line = "  ".join(head[k].rjust(width) for head, width in zip(heads, self._widths, strict=True))
-            self._say(f"{line}  {last}".rstrip())
+        columns = self.columns or _telling(row)
+        self.of = self.of or next((c for c in columns if c.startswith("stroke_")), "time_s")
+        room = shutil.get_terminal_size().columns if sys.stdout.isatty() else float("inf")
+        self.columns, self._widths, lines = laid_out(columns, room)
+        for line in lines:
+            self._say(line)
 
     def _say(self, text):
         if not self._speaks:

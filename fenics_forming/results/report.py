@@ -13,9 +13,9 @@ from .files import whole_file
 from .plotting import FIELDS as OF_A_RUN
 from .plotting import plot_fields, plot_force_stroke
 from .plotting_tools import plot_load_displacement
-from .progress import name_and_unit
 from .readable import duration, thousands
 from .skin import Skin
+from .table import name_and_unit
 
 FIELDS = (*OF_A_RUN, "damage", "contact_pressure")
 OF_A_STEP = ("step", "time_s", "load_factor", "dt_s", "newton_iterations", "power_imbalance")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .files import ResultsError
-from .progress import name_and_unit
+from .table import name_and_unit
 
 # VTK order: a triangle of order 2 is seen as four straight ones; the six-node faces of a tetrahedron
 _QUARTERS = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]

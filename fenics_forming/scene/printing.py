@@ -1,5 +1,8 @@
 """A scene as a tree with units, for `print(scene)` and notebooks."""
 
+import re
+import textwrap
+
 from ..laws.described import Described, is_default, shown_with_unit
 
 
@@ -13,6 +16,18 @@ def tree(scene):
     ]
     lines += _branches(parts)
     return "\n".join(lines)
+
+
+def broken(text, width):
+    """The lines of a tree, those that are longer than ``width`` broken between words and set in below their names."""
+    return "\n".join(
+        textwrap.fill(line, width, subsequent_indent=re.match(r"[│├└─ ]*", line)[0].translate(_BELOW) + "  ",
+                      break_long_words=False, break_on_hyphens=False)
+        for line in text.splitlines()
+    )
+
+
+_BELOW = str.maketrans({"├": "│", "└": " ", "─": " "})
 
 
 def _branches(parts, indent=""):

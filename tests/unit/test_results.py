@@ -37,6 +37,7 @@ from fenics_forming.results import (
 from fenics_forming.results.ledger import PowerLedger
 from fenics_forming.results.outlines import flipped, tool_outlines
 from fenics_forming.results.skin import Skin
+from fenics_forming.results.table import laid_out
 
 ALONE = MPI.COMM_SELF
 
@@ -490,6 +491,23 @@ def test_progress_prints_one_row_per_step_under_its_heads(capsys):
     assert lines[5].split() == ["2", "0.2", "0.66667", "200000", "4", "stroke"]
     assert len({len(line) - len(line.split()[-1]) for line in lines[3:6]}) == 1
     assert all(lines[1].index("limited") == line.index("stroke") for line in lines[3:6])
+
+
+@pytest.mark.parametrize("tools", [1, 2, 5])
+@pytest.mark.parametrize("unit", ["N", "N_per_mm"])
+def test_a_table_fits_the_terminal(tools, unit):
+    """Heads one below the other, then fewer columns; step, time, a stroke, a force, strain and Newton always stay."""
+    names = [f"tool_{k}" for k in range(tools)]
+    columns = ("step", "time_s", *(f"stroke_{n}_mm" for n in names), *(f"force_{n}_{unit}" for n in names),
+               "torque_tool_0_Nmm", "max_effective_strain", "min_temperature_degC", "max_temperature_degC",
+               "newton_iterations")
+    all_of_them, _, wide = laid_out(columns, float("inf"))
+    assert all_of_them == columns and len(wide) == 2 and wide[0].endswith("limited by")
+    kept, widths, lines = laid_out(columns, 80)
+    assert max(map(len, lines)) <= 80 and len(kept) == len(widths)
+    assert {"step", "time_s", "stroke_tool_0_mm", f"force_tool_0_{unit}", "max_effective_strain",
+            "newton_iterations"} <= set(kept)
+    assert list(kept) == [c for c in columns if c in kept]
 
 
 @pytest.mark.parametrize(

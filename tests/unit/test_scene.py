@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from fenics_forming import laws, scene
 from fenics_forming.errors import SceneError
 from fenics_forming.scene import check, read_scene, write_scene
+from fenics_forming.scene.printing import broken
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 THIS_ROUND = ("billet_upsetting", "ring_compression")
@@ -409,3 +410,11 @@ def test_scene_in_space_is_checked_too(old, new, key):
     with pytest.raises(SceneError) as error:
         check(scene.Scene.read(values))
     assert error.value.key == key
+
+
+def test_a_tree_is_broken_below_the_names_of_its_branches():
+    text = "├── tools\n│   ├── ram\n│   │   ├── drive: HammerDrive(direction=(0, -1), mass=1 t, energy=(2e7) mJ)\n└── stop"
+    lines = broken(text, 40).splitlines()
+    assert max(map(len, lines)) <= 40 and lines[0] == "├── tools" and lines[-1] == "└── stop"
+    assert all(line.startswith("│   │   │     ") for line in lines[3:-1])
+    assert "".join(text.split()).replace("│", "") == "".join("".join(lines).split()).replace("│", "")
