@@ -1,12 +1,13 @@
 """The package's side of a comparison with a peer: runs one case on several meshes, a line of JSON each.
 
-    env/run python3 benchmarks/peers/ours.py billet        # or ring, smooth_ring, block, shrink_fit
+    env/run python3 benchmarks/peers/ours.py billet        # or ring, smooth_ring, block, block_20, block_30, shrink_fit
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from time import process_time
 
 import fenics_forming as ff
@@ -48,15 +49,30 @@ def smooth_ring(mesh=0.5, step=0.06):
 
 
 def block(mesh=3.0, step=0.5):
+    scene = cube(mesh, step, 1.5, {"kind": "plane", "point": [0, 0, 15], "normal": [0, 0, -1]})
+    return scene, 1, found_of_block
+
+
+def far_block(stroke, mesh, step):
+    """The plate ends with the face, so that no side can fold onto it; the edges turn by more than a right angle."""
+    plate = {"kind": "box", "from": [0, 0, 15], "to": [15, 15, 20]}
+    return cube(mesh, step, stroke, plate, remesh=True), round(stroke / 1.5), found_of_block
+
+
+def cube(mesh, step, stroke, plate, **body) -> ff.Scene:
+    """One eighth of a cube of 30 mm under a plate that it sticks to."""
     size = 15.0
-    scene = ff.Scene.read({
+    return ff.Scene.read({
         "geometry": "3d", "materials": {"m": {"flow_stress": LINEAR}},
         "workpieces": {"b": {"shape": {"kind": "box", "from": [0, 0, 0], "to": [size] * 3}, "material": "m",
-                             "symmetry": ["x", "y", "z"], "mesh_size": mesh}},
-        "tools": {"upper": {"shape": {"kind": "plane", "point": [0, 0, size], "normal": [0, 0, -1]},
+                             "symmetry": ["x", "y", "z"], "mesh_size": mesh, **body}},
+        "tools": {"upper": {"shape": plate, "symmetry": ["x", "y"] if plate["kind"] == "box" else [],
                             "drive": {"kind": "speed", "velocity": [0, 0, -1]}, "friction": {"law": "sticking"}}},
-        "points": {"side": {"body": "b", "at": [size, 0, 0]}}, "steps": {"stroke": step}, "stop": {"stroke": 1.5}})
-    return scene, 1, lambda row: {"force_kN": row["force_upper_N"] / 1e3, "half_width_mm": row["side_x_mm"]}
+        "points": {"side": {"body": "b", "at": [size, 0, 0]}}, "steps": {"stroke": step}, "stop": {"stroke": stroke}})
+
+
+def found_of_block(row) -> dict:
+    return {"force_kN": row["force_upper_N"] / 1e3, "half_width_mm": row["side_x_mm"]}
 
 
 def shrink_fit(mesh=2.5, step=None):
@@ -69,11 +85,14 @@ def shrink_fit(mesh=2.5, step=None):
     return scene, 0, lambda row: {"pressure_MPa": row["contact_pressure_insert_ring_MPa"]}
 
 
-CASES = {"billet": (billet, [(3.0, 0.9), (2.5, 0.9), (1.5, 0.9), (1.5, 0.6), (1.5, 0.45), (1.0, 0.45), (0.7, 0.225)],
-                    (4.0, 4.5)),
-         "smooth_ring": (smooth_ring, [(1.5, 0.12), (0.5, 0.06), (0.25, 0.03)], (1.5, 0.6)),
-         "ring": (ring, [(1.0, 0.12), (0.5, 0.12), (0.5, 0.06), (0.25, 0.06), (0.125, 0.03)], (1.5, 0.6)),
+CASES = {"billet": (billet, [(4.0, 1.5), (3.0, 1.5), (3.0, 0.9), (2.5, 0.9), (1.5, 0.9), (1.5, 0.6), (1.5, 0.45),
+                             (1.0, 0.45), (0.7, 0.225)], (4.0, 4.5)),
+         "smooth_ring": (smooth_ring, [(1.5, 0.24), (1.5, 0.12), (0.5, 0.06), (0.25, 0.03)], (1.5, 0.6)),
+         "ring": (ring, [(1.5, 0.24), (1.5, 0.12), (1.0, 0.12), (0.5, 0.12), (0.5, 0.06), (0.25, 0.06), (0.125, 0.03),
+                         (0.08, 0.02)], (1.5, 0.6)),
          "block": (block, [(4.0, 0.75), (3.0, 0.75), (3.0, 0.5), (2.2, 0.5), (1.6, 0.5)], (8.0, 0.75)),
+         "block_20": (partial(far_block, 3.0), [(5.0, 0.75), (4.0, 0.75), (3.5, 0.75), (3.0, 0.75)], (8.0, 0.75)),
+         "block_30": (partial(far_block, 4.5), [(5.0, 0.75), (4.0, 0.75), (3.5, 0.75), (3.0, 0.75)], (8.0, 0.75)),
          "shrink_fit": (shrink_fit, [(1.25, 0), (0.6, 0), (0.3, 0)], (5.0, 0))}
 
 
