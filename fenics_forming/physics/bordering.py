@@ -158,7 +158,7 @@ class Border:
 
 class AppendedBorder(Border):
     """The same for many unknowns, as those of deformable tools: appended to the matrix of the workpiece, behind the
-    unknowns of the last rank, and factorised with it."""
+    unknowns of the last rank, and factorised with it; or eliminated, where the workpiece is solved by iterations."""
 
     def __init__(self, workpiece):
         super().__init__(workpiece)
@@ -167,7 +167,12 @@ class AppendedBorder(Border):
     def solve(self, system, b: PETSc.Vec) -> None:
         local, corners = self.blocks()
         columns = self._owned(local[0] if len(local) == 1 else sp.hstack(local, format="csr"))
-        corner = _block_diagonal(corners)
+        self._increment = system.solve_bordered(b, columns, _block_diagonal(corners), np.concatenate(self.residuals()),
+                                                self._factorised)
+
+    def _factorised(self, system, b: PETSc.Vec, columns: sp.csr_matrix, corner: np.ndarray,
+                    right: np.ndarray) -> np.ndarray:
+        """Factorise the appended matrix, and solve; the motions (n,). Collective."""
         bulk, comm = system.matrix.petsc, self.workpiece.nodes.comm
         fits = self._matrix is not None and self._matrix.holds(bulk, columns, len(corner))
         if total(comm, float(not fits)) > 0:
@@ -175,8 +180,9 @@ class AppendedBorder(Border):
             self._matrix = AppendedMatrix(bulk, self._owned(pattern), comm)
         self._matrix.fill(columns, corner)
         x = self.workpiece.increment.x
-        self._increment = self._matrix.solve(b, np.concatenate(self.residuals()), x.petsc_vec)
+        found = self._matrix.solve(b, right, x.petsc_vec)
         x.scatter_forward()
+        return found
 
     def _owned(self, local: sp.csr_matrix) -> sp.csr_matrix:
         """Rows (local dofs, n) summed over the ranks that share a dof, (owned dofs, n). Collective."""

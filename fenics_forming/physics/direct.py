@@ -68,6 +68,11 @@ class DirectSystem:
         self._solver.solve(b, self._body.increment.x.petsc_vec)
         self._body.increment.x.scatter_forward()
 
+    def solve_bordered(self, b: PETSc.Vec, columns, corner, right, factorised):
+        """Solve with unknown motions of tools, (n,), by the matrix that they are appended to: see ``AppendedBorder``."""
+        self.counts["solves"] += 1
+        return factorised(self, b, columns, corner, right)
+
     def settle(self, b: PETSc.Vec, solve, border) -> None:
         """Nothing: another factorisation costs as much as another iteration of the Newton."""
 

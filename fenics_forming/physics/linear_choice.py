@@ -13,7 +13,6 @@ from .workpiece import Workpiece
 # Below, a factorisation takes less time than setting the iterative solver up (benchmarks/solver3d.py).
 ITERATIVE_FROM = 3000       # unknowns
 MOST_DIRECT = 200_000       # unknowns: beyond, factors in space take more memory than a machine is likely to have
-MOST_MOTIONS = 6            # unknown motions of tools: each is a right-hand side more, which a factor solves for at once
 MOST_FAILURES = 3           # in a row, of the iterations, before a body is solved directly for good
 # Whose tangents the kernels of the iterative solver know.
 KNOWN_TERMS = {"plastic", "incompressibility", "contact", "drag", "inertia"}
@@ -24,8 +23,7 @@ def linear_system(workpiece: Workpiece):
     wanted = workpiece.settings.linear
     known = workpiece.nodes.dim == 3 and set(workpiece.tangents) <= KNOWN_TERMS
     unknowns = workpiece.space.dofmap.index_map.size_global
-    deforming = workpiece.contact is not None and any(t.deformed is not None for t in workpiece.contact.tools)
-    if not known or deforming or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
+    if not known or wanted == "direct" or wanted == "auto" and unknowns < ITERATIVE_FROM:
         return DirectSystem(workpiece)
     return WithFallback(workpiece)
 
@@ -85,13 +83,31 @@ class WithFallback:
 
     def solve(self, b: PETSc.Vec) -> None:
         """Solve for the increment, by iterations if they converge."""
+        self.iterative.take_motions(None)
+        if not self._iterated(b):
+            self._solve_directly(b)
+
+    def solve_bordered(self, b: PETSc.Vec, columns, corner, right, factorised):
+        """The same with unknown motions of tools, which are eliminated; (n,) what they are. See ``AppendedBorder``."""
+        from .iterative.eliminated import Eliminated
+        motions = Eliminated(columns, corner, self._body.nodes.comm)
+        self.iterative.take_motions(motions)
+        reduced = motions.reduced(b, right)
+        iterated = self._iterated(reduced)
+        reduced.destroy()
+        if iterated:
+            return motions.found(self._body.increment.x.petsc_vec.array_r, right)
+        return factorised(self._factorising(), b, columns, corner, right)
+
+    def _iterated(self, b: PETSc.Vec) -> bool:
+        """Solve by iterations; whether they have converged."""
         again, self._again = self._again, False
         self.counts["solves"] += 1
         if self._failures < MOST_FAILURES:
             try:
                 self.iterative.solve(b, again=again)
                 self._failures, self._last = 0, self.iterative
-                return
+                return True
             except ConvergenceError as failure:
                 if unknowns_of(self._body) > MOST_DIRECT:
                     raise ConvergenceError(f"the iterative solver stalled: {failure.sentence}", advice="better shaped "
@@ -101,9 +117,13 @@ class WithFallback:
                                   (" from now on" if self._failures == MOST_FAILURES else ""))
             finally:
                 self.counts["krylov iterations"] += self.iterative.iterations
-        self._solve_directly(b)
+        return False
 
     def _solve_directly(self, b: PETSc.Vec) -> None:
+        self._factorising().solve(b)
+
+    def _factorising(self) -> DirectSystem:
+        """The direct system at the present state, for the equations that the iterations have not solved."""
         self.counts["solved directly"] += 1
         if self._direct is None:
             self._direct = DirectSystem(self._body)
@@ -111,8 +131,8 @@ class WithFallback:
             self._direct.follow()
             self._followed = True
         self._direct.assemble()
-        self._direct.solve(b)
         self._last = self._direct
+        return self._direct
 
     def solve_also(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Another right-hand side for the matrix of the last :meth:`solve`."""

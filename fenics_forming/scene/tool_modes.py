@@ -20,9 +20,6 @@ def tool_mode_problems(scene):
                 yield SceneError(sentence, key=f"{key}.held.surface", got=list(solid.held["surface"]),
                                  allowed="faces where the drive takes hold")
         yield from mirror_problems(scene, name)
-    if deforming and scene.solver.linear == "iterative":
-        yield SceneError("does not know of tools that deform; expected 'direct' or 'auto'", key="solver.linear",
-                         got="iterative", allowed="direct, auto")
     given = scene.process.tool_deformation
     for name in scene.yielding_tools if given in ("separate", "coupled") else ():
         if sentence := _must_be_iterated(name, scene.tools[name].drive, given):

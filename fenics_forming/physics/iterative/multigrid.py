@@ -25,6 +25,13 @@ class TwoLevels:
         self._mine = mids < block.shared.owned
         self._count = len(vertex_nodes)
 
+    def ends(self, owned: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Owned nodes, the vertices that linear velocities at them follow, and by how much; a node may come twice."""
+        vertices = np.flatnonzero(self._vertex_nodes < owned)
+        mids, ends = self._mids[self._mine], self._ends[self._mine]
+        return (np.concatenate([self._vertex_nodes[vertices], mids, mids]), np.concatenate([vertices, *ends.T]),
+                np.repeat([1.0, 0.5], [len(vertices), 2 * len(mids)]))
+
     def restricted(self, r: np.ndarray) -> np.ndarray:
         """Residual of the nodes (nodes, 3), owners' part, at the vertices; to be added up over the ranks."""
         out = np.zeros((self._count, 3))

@@ -12,6 +12,7 @@ from ..parallel import highest, total
 from ..workpiece import Workpiece
 from . import kernels
 from .coarse import CoarseSolver
+from .eliminated import Eliminated, InSeries, OntoVertices
 from .krylov import fgmres
 from .multigrid import TwoLevels
 from .pattern import Incidence, Pattern
@@ -71,6 +72,7 @@ class IterativeSystem:
             between = BetweenBodies(workpiece, workpiece.interfaces, nodes, self.coarse.everywhere)
             self.block.others = (between,)
             self.coarse.block.others = (OnVertices(between, workpiece.interfaces, vertices, self.coarse.everywhere),)
+        self._others, self._onto_vertices = (self.block.others, self.coarse.block.others), None
         self._own_velocity = workpiece.velocity_dofs[: nodes.owned]
         self._own_pressure = workpiece.pressure_dofs[self._vertex_nodes[: vertices.owned]]
         self._split, self._scale = 3 * nodes.owned, 1.0
@@ -153,6 +155,20 @@ class IterativeSystem:
     def stiffness(self) -> np.ndarray:
         """Diagonal of the velocities, (nodes, dim), N s/mm."""
         return self.block.stiffness()
+
+    def take_motions(self, motions: Eliminated | None) -> None:
+        """Unknown motions of tools that are eliminated from the next solves; None where there are none. Collective."""
+        self.block.others, self.coarse.block.others = self._others
+        if motions is None:
+            return
+        if self._onto_vertices is None:
+            self._onto_vertices = OntoVertices(self.levels, self.coarse.everywhere, self._nodes.owned)
+        columns, comm = motions.over(self._own_velocity), self._n.comm
+        of_all = self._onto_vertices(columns)
+        numbers = self.coarse.everywhere.numbers[: self._vertices.owned]
+        mine = of_all[(3 * numbers[:, None] + np.arange(3)).ravel()]
+        self.block.others += (InSeries(comm, columns, motions.inverse),)
+        self.coarse.block.others += (InSeries(comm, mine, motions.inverse, of_all),)
 
     def solve(self, b: PETSc.Vec, *, again: bool = False) -> None:
         """Set the preconditioner up, and solve for the increment; ``again`` after :meth:`follow_contact`, from what was
