@@ -2,12 +2,16 @@
 
 from typing import Annotated
 
+import numpy as np
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from ..errors import did_you_mean
 from ..laws.described import Described
 from ..laws.library import library, names
 from ..units import refused
+
+FAR = 3.0
+"""Times the greatest rate of the data from which on it is said: the rate grows as the body becomes flat, and at corners."""
 
 
 def _known(name):
@@ -60,13 +64,32 @@ class FromLibrary(Described):
 
 
 def library_warnings(scene):
-    """A sentence where a body is outside the temperatures that its flow stress from the library stands on."""
+    """A sentence where a body is outside the temperatures, or formed far faster than the rates, of its data."""
     for name, body in scene.workpieces.items():
         material = scene.materials.get(body.material)
         entry = library(material.from_) if material is not None and material.from_ is not None else None
-        if entry is None or material.wrote("flow_stress") or entry.valid.temperature is None:
+        if entry is None or material.wrote("flow_stress"):
             continue
-        low, high = entry.valid.temperature
-        if body.temperature is not None and not low <= body.temperature <= high:
-            yield (f"workpieces.{name}.temperature: {body.temperature:g} degC is outside {low:g} to {high:g} degC, "
-                   f"where the flow stress of '{entry.name}' is known")
+        if entry.valid.temperature is not None and body.temperature is not None:
+            low, high = entry.valid.temperature
+            if not low <= body.temperature <= high:
+                yield (f"workpieces.{name}.temperature: {body.temperature:g} degC is outside {low:g} to {high:g} degC, "
+                       f"where the flow stress of '{entry.name}' is known")
+        if entry.valid.rate is not None and (rate := _first_rate(scene, body)) > FAR * entry.valid.rate[1]:
+            yield (f"workpieces.{name}.material: the tools form it at some {rate:.2g} 1/s to begin with; the flow stress "
+                   f"of '{entry.name}' is known up to {entry.valid.rate[1]:g} 1/s")
+
+
+def _first_rate(scene, body):
+    """Greatest speed of a tool over the extent of the body along its way, 1/s: the rate of upsetting as it begins."""
+    if body.shape.kind == "file":
+        return 0.0
+    low, high = np.asarray(body.shape.bounds(), float)
+    rates = [0.0]
+    for name in scene.driven_tools:
+        drive = scene.drive(name)
+        if drive.direction is not None:
+            velocity = np.asarray(drive.velocity(0.0), float)
+            along = np.abs(velocity) @ (high - low)
+            rates.append(float(velocity @ velocity / along) if along > 0 else 0.0)
+    return max(rates)

@@ -137,6 +137,15 @@ def test_a_body_outside_the_temperatures_of_its_data_is_warned_of_and_other_keys
         "workpieces.billet.temperature: has no effect, the flow stress does not depend on temperature")
 
 
+def test_a_body_that_is_formed_far_faster_than_its_data_is_warned_of():
+    hot = scene({"from": "titanium_6Al4V_hot"}, 850)
+    assert ff.check(hot) == [], "1 mm/s on 15 mm"
+    fast = hot.replaced(tools={"upper": hot.tools["upper"].replaced(
+        drive={"kind": "hammer", "mass": "1 t", "energy": "8 kJ", "direction": [0, -1]})}, stop={"energy_spent": True})
+    assert ff.check(fast) == ["workpieces.billet.material: the tools form it at some 2.7e+02 1/s to begin with; the flow "
+                              "stress of 'titanium_6Al4V_hot' is known up to 1 1/s"]
+
+
 def test_the_command_line_lists_materials_and_shows_their_sources(capsys):
     assert main(["materials"]) == 0
     listed = capsys.readouterr().out
