@@ -12,7 +12,7 @@ from .velocity_block import VelocityBlock
 
 ORDER = 4           # of the smoother, before and after
 IN_A_GROUP = 40     # vertices, at most ...
-MOST_GROUPS = 330   # ... but no more groups than that: every rank factorises a full matrix of six motions of each
+MOST_GROUPS = 256   # ... but no more boxes than that: every rank factorises a full matrix of six motions of each
 PASSES = 2          # that blend the groups
 
 
