@@ -12,7 +12,8 @@ from ..physics.meshing import from_arrays
 from ..physics.parallel import on_first_rank
 from ..physics.remeshing import BodyArrays
 from .body import FlowingBody
-from .neighbours import Neighbours
+from .meeting import Meeting
+from .neighbours import Neighbour, Neighbours
 from .remeshing import LANDED, Carried, Renewed, cells_width, renewed_arrays
 
 
@@ -38,18 +39,24 @@ def renew_bodies(body: FlowingBody, carried: Carried, wishes: dict[str, dict], m
     given = carried.gathered(nodes)
     landed = LANDED * body.contact.facets.size()
 
+    def meeting_of(pair: str, name: str) -> Meeting:
+        contact = body.interfaces.by_name[pair]
+        return Meeting(kinematics, contact.element, contact.interference, holds=body.interfaces.slaves[pair] == name)
+
     def make():
         pieces, volume, lost, engines, healed = [], {}, {}, [], []
         now = {name: _part(x, own) for name, own in
                zip(parts.names, np.split(cells, np.cumsum(parts.counts)[:-1]), strict=True)}
-        for name, (rows, old) in list(now.items()):
+        before = dict(now)
+        for name, (rows, old) in before.items():
             of_body = Carried(*({field: values[rows] for field, values in kind.items()}
                                 for kind in (given.linear, given.quadratic)))
             if name not in wishes:
                 pieces.append((old.x, old.cells, of_body.linear | of_body.quadratic))
                 continue
-            others = [(felt[pair][rows], now[other][1]) for pair, between in pairs.items() if name in between
-                      for other in between if other != name]
+            others = [Neighbour(now[other][1], felt[pair][rows], before[other][1], felt[pair][before[other][0]],
+                                meeting_of(pair, name))
+                      for pair, between in pairs.items() if name in between for other in between if other != name]
             try:
                 placed, made, fields, volume[name], changes = renewed_arrays(
                     old, of_body, body.tools, kinematics, mirrors=mirrors[name], landed=landed,

@@ -29,9 +29,9 @@ def test_rivet_is_closed_beyond_what_its_first_mesh_can_follow():
     assert results.at(stroke=2.2)["force_snap_N"] == pytest.approx(24.5e3, rel=0.02)
     late = history.column("stroke_snap_mm") > 2.2
     assert (np.diff(history.column("force_snap_N")[late]) > 0).all()
-    # a coarse mesh of 0.9 mm on a shank of 3 mm; what lands anew is missing in the first solve
+    # a coarse mesh of 0.9 mm on a shank of 3 mm; 4 % while surfaces met node by node, as overlaps of the new ones pushed
     for record in summary["remeshed"]:
-        assert record["forces"][1][0] == pytest.approx(record["forces"][0][0], rel=0.06)
+        assert record["forces"][1][0] == pytest.approx(record["forces"][0][0], rel=0.01)
     for name in ("rivet", "lower", "upper"):
         assert np.abs(history.column(f"volume_error_{name}")).max() < 1e-12
     # the head that clamps the plates presses on them as the snap presses on it

@@ -75,17 +75,17 @@ class BodyContact:
                  owned: int, free: np.ndarray | None = None, friction=None, element: str = "integration_point",
                  interference: float = 0.0, slip_regularisation: float = 1e-3):
         self.nodes, self.dim = nodes, nodes.dim
-        self.points = SlavePoints(facet_sides(nodes, slave), kinematics, nodes.dim, element)
-        self._master = facet_sides(nodes, master)
+        self.points = SlavePoints(self._sides(slave), kinematics, nodes.dim, element)
+        self._master = self._sides(master)
         self._owned = owned
-        self.friction, self.interference = friction, interference
+        self.friction, self.interference, self.element = friction, interference, element
         self.slip_regularisation = self.slip0 = slip_regularisation
         self.coefficient = self.dt = 1.0
         self._guessed = False       # whether the last response closed carriers on suspicion: they open without ado
         self.seconds = 0.0
-        self._numbers = _everywhere(nodes.comm, _global(nodes, self._master))
+        self._numbers = _everywhere(nodes.comm, self._number(self._master))
         self._surface_of_master: CapturingSurface | None = None
-        self.carriers = Carriers(nodes.comm, _global(nodes, self.points.corners), self.dim)
+        self.carriers = Carriers(nodes.comm, self._number(self.points.corners), self.dim)
         self.carriers.group(self.points.corner_normals(nodes.x))
         self.state = CarrierState.at_rest(self.carriers.count, self.dim)
         self.state.groups = self.carriers.groups
@@ -100,6 +100,15 @@ class BodyContact:
         if free is not None:
             frees = [_everywhere(nodes.comm, free[sides].astype(float)) for sides in (self.points.sides, self._master)]
             self.free[np.searchsorted(self.unknowns[:, 0], every[:, 0])] = np.concatenate(frees).reshape(-1, self.dim)
+
+    def _sides(self, facets: np.ndarray) -> np.ndarray:
+        """Nodes of facets, (f, 3 | 6)."""
+        return facet_sides(self.nodes, facets)
+
+    def _number(self, local: np.ndarray) -> np.ndarray:
+        """Numbers of nodes that all ranks share, of the same shape."""
+        numbers = self.nodes.mesh.geometry.index_map().local_to_global(local.ravel().astype(np.int32))
+        return np.asarray(numbers).reshape(local.shape)
 
     # ------------------------------------------------------------------ pairing
     def search(self, x: np.ndarray, dt: float, reach: float = np.inf, soon: float = np.inf, fade: float = 1.0) -> None:
@@ -374,12 +383,6 @@ def nodal_pressure(nodes: Nodes, contacts) -> np.ndarray:
             sums[:, column] += np.bincount(corners, values.ravel(), nodes.count)
     sums = nodes.sum_over_ranks(sums)
     return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
-
-
-def _global(nodes: Nodes, local: np.ndarray) -> np.ndarray:
-    """Numbers of nodes that all ranks share, of the same shape."""
-    numbers = nodes.mesh.geometry.index_map().local_to_global(local.ravel().astype(np.int32))
-    return np.asarray(numbers).reshape(local.shape)
 
 
 def _everywhere(comm, values: np.ndarray) -> np.ndarray:
