@@ -1,12 +1,19 @@
 """A ring is rolled thinner between a driven main roll and a mandrel that is pressed towards it, and grows.
 
 The upper half of the ring, by its mirror plane. The main roll turns and takes the ring along by friction; the mandrel, as
-idle as a smooth one is, moves outwards by 2.75 mm a revolution; two guide rolls on springs keep the ring where it is. Only
-what lies in the gap flows. The rest of the ring turns as a rigid body, by five degrees in a step: the nodes are moved by a
-scheme that is exact in rotations. The mesh is coarse, two elements through the wall and one through the half of the height,
-the gap about one of them long. In it they bend more than the metal would, and points that land there take a quarter of the
-power, so the torque is too large. What is looked at is what any mesh keeps over the first half of a revolution: the balance
-of the rolls, the way that the main roll takes the ring along, the gap that it has gone through, and the growth,
+idle as a smooth one is, moves outwards by 1.6 mm a revolution at first; two guide rolls on soft springs keep the ring in
+its place. Only what lies in the gap flows. The rest of the ring turns as a rigid body, by three degrees in a step: nodes
+are moved by a scheme that is exact in rotations. Three revolutions, in which the wall goes from 12 to 7 mm.
+
+That the ring turns at all is for its roll to see to. The friction m k on the arc L of the gap has to drive the draught d
+through it against the pressure p,
+
+    p d < m k L ,     L² = 2 d / (1/R_main + 1/R_mandrel + 1/R_outer - 1/R_inner) :
+
+the greater the draught, the harder; where the ring slips, it is squeezed in its place. Large rolls give long arcs. A mesh
+must leave room for that: elements as long as the arc bend over in the gap, and points that land there brake the ring with
+the share v dt/L of the power. Two elements on the arc and four steps are the least; beyond that, as any mesh keeps it: the
+balance of the rolls, the way of the rim with the main roll, the gap that the ring has gone through, and the growth,
 
     V = pi (R² - r²) h :     a ring that gets thinner must grow, or get higher.
 
@@ -26,10 +33,9 @@ from fenics_forming.results import Progress
 from fenics_forming.results.skin import Skin
 
 SCENE = Path(__file__).parent / "scenes" / "ring_rolling_3d.toml"
-OUTER, INNER, HALF = 50.0, 30.0, 10.0       # radii and half the height of the ring, mm
-MAIN, SPEED = 80.0, 1.0                     # radius of the main roll, mm, and its speed, rad/s
-TURN = 2 * np.pi * OUTER / (MAIN * SPEED)   # time of a revolution of the ring at the start, s
-AROUND, THROUGH = 48, 2                     # elements around the ring and through its wall
+OUTER, INNER, HALF = 50.0, 38.0, 10.0       # radii and half the height of the ring, mm
+MAIN, SPEED, FEED = 200.0, 0.4, 0.4         # radius of the main roll, mm, its speed, rad/s, and that of the mandrel, mm/s
+AROUND, THROUGH = 60, 2                     # elements around the ring and through its wall
 
 
 def main(coarse: bool = False, out: str | Path = "results/ring_rolling_3d", quiet: bool = False) -> ff.Results:
@@ -37,14 +43,14 @@ def main(coarse: bool = False, out: str | Path = "results/ring_rolling_3d", quie
 
     Parameters
     ----------
-    coarse : a tenth of a revolution instead of a half
+    coarse : a twentieth of a revolution only
     out : folder for the mesh and the results
     quiet : print nothing
     """
     out = Path(out)
     ring = write_ring(out / "ring.msh")
     changes = [f"workpieces.ring.shape.path='{ring.resolve()}'"]
-    scene = ff.read_scene(SCENE, set=changes + ["stop.time=0.4"] * coarse)
+    scene = ff.read_scene(SCENE, set=changes + ["stop.time=0.26"] * coarse)
     with Progress(total=scene.stop.time, quiet=quiet) as progress:
         results = ff.simulate(scene, out, observer=progress)
     picture(results, Path(out) / "ring_rolling_3d.png")
@@ -97,22 +103,31 @@ def section(results: ff.Results, frame: int = -1) -> tuple[np.ndarray, np.ndarra
     return stations, outer - inner, 2 * top
 
 
+def turns(results: ff.Results) -> np.ndarray:
+    """Revolutions of the ring until each step, of a mark on its rim about the place where its middle was at the start."""
+    x, y = (results.history.column(f"mark_{axis}_mm") for axis in "xy")
+    return np.abs(np.unwrap(np.arctan2(y, x))) / (2 * np.pi)
+
+
 def compared(results: ff.Results) -> list[Compared]:
     """What any rolled ring keeps."""
     last, ledger = results.history.rows[-1], results.summary["ledger"]
-    rows = [row for row in results.history.rows if row["dt_s"] > 0.05]      # no short steps, of which landing points press
-    force = {name: np.mean([row[f"force_{name}_N"] for row in rows]) for name in ("main", "mandrel", "left", "right")}
+    force = {name: results.history.column(f"force_{name}_N")[1:].mean() for name in ("main", "mandrel", "left", "right")}
     guides = np.cos(np.deg2rad(75)) * (force["left"] + force["right"])
     x, y = (results.history.column(f"mark_{axis}_mm") for axis in "xy")
-    way = OUTER * np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum()
-    feed = 0.7 * last["time_s"]
+    way = np.hypot(np.diff(x), np.diff(y)).sum()
     _, wall, height = section(results)
+    (left, right), (near, far) = (results.summary["extents_mm"]["ring"][axis] for axis in "xy")
+    # a station shows its thickest and highest place: what it has less elsewhere the ring has more in diameter
+    diameter, thick, high = 0.5 * (right - left + far - near), wall.mean(), height.mean()
+    grown = (OUTER**2 - INNER**2) * 2 * HALF / (thick * high) + thick
     return [
-        Compared("force of the mandrel on the ring, kN", force["mandrel"] / 1e3, (force["main"] + guides) / 1e3, 0.01,
+        Compared("force of the mandrel on the ring, kN", force["mandrel"] / 1e3, (force["main"] + guides) / 1e3, 0.02,
                  "main roll and guides"),
         Compared("way of a mark on the rim, mm", way, MAIN * SPEED * last["time_s"], 0.05, "carried by the roll"),
-        Compared("thinnest place of the wall, mm", wall.min(), OUTER - INNER - feed, 0.02, "gap of the rolls"),
-        Compared("highest place over the height at the start", height.max() / (2 * HALF), 1.0, 0.1, "spread is small"),
+        Compared("thinnest place of the wall, mm", wall.min(), OUTER - INNER - FEED * last["time_s"], 0.02,
+                 "gap of the rolls"),
+        Compared("mean diameter outside, mm", diameter, grown, 0.04, "volume, wall and height"),
         Compared("change of volume, 1e-9", 1e9 * abs(last["volume_error_ring"]), 0.0, 1.0, "constancy", relative=False),
         Compared("powers that do not balance at worst, %", 100 * ledger["power"]["worst_relative_imbalance"], 0.0, 0.5,
                  "first law", relative=False)]
@@ -123,15 +138,15 @@ def picture(results: ff.Results, path: Path) -> None:
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(15, 4.6), width_ratios=[1.2, 1, 1], layout="constrained")
     left.imshow(ff.plot_fields(results, "effective_strain"))
     left.axis("off")
-    turns = results.history.column("time_s") / TURN
+    revolutions = turns(results)
     for name, label in (("mandrel", "mandrel"), ("main", "main roll"), ("left", "guide, left"), ("right", "guide, right")):
-        middle.plot(turns, results.history.column(f"force_{name}_N") / 1e3, label=f"{label} (kN)")
-    middle.plot(turns, results.history.column("torque_main_Nmm") / 1e4, "--", label="torque of the main roll (10 Nm)")
+        middle.plot(revolutions, results.history.column(f"force_{name}_N") / 1e3, label=f"{label} (kN)")
+    middle.plot(revolutions, results.history.column("torque_main_Nmm") / 1e5, "--", label="torque, main roll (100 Nm)")
     middle.set(xlabel="revolutions of the ring", ylim=(0, None))
     angle, wall, height = section(results)
     right.plot(np.rad2deg(angle), wall, label="wall")
     right.plot(np.rad2deg(angle), height, label="height")
-    right.set(xlabel="behind the main roll (degrees)", ylabel="mm", ylim=(15, 25), xticks=range(0, 361, 90))
+    right.set(xlabel="behind the main roll (degrees)", ylabel="mm", ylim=(0, 25), xticks=range(0, 361, 90))
     for axes in (middle, right):
         axes.grid(True, linewidth=0.5, alpha=0.4)
         axes.legend(frameon=False, fontsize="small")
