@@ -165,6 +165,7 @@ class FlowSolver:
         body, contact = self.workpiece, self.workpiece.contact
         nodal = self._sigma_nodes = self._nodal_flow_stress(task, None if body.is_cold or not body.law.depends_on_rate
                                                             else body.nodal_rate())
+        start = perf_counter()
         if cold:
             body.forget_flow()
             body.rate0.value = task.characteristic_rate
@@ -175,6 +176,7 @@ class FlowSolver:
         body.set_flow_stress(task.strain, rate, task.temperature)
         body.stress_from_rate(rate)
         body.cut_stress(rate)
+        self.seconds["assembly"] += perf_counter() - start
         bad = np.isnan(body.sigma).sum() + (0 if nodal is None else np.isnan(nodal).sum())
         sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size, bad]))
         if sums[2]:
@@ -205,10 +207,8 @@ class FlowSolver:
     def _advance(self, task: _Task, rate: np.ndarray, ratio: float, first: bool) -> np.ndarray:
         """Velocity, stress and flow stress after the increment; the regularised rate at the points, 1/s."""
         body = self.workpiece
-        start = perf_counter()
-        increment_rate = body.rate_of_increment()       # a compiled kernel over all cells, as the forms are
-        self.seconds["assembly"] += perf_counter() - start
-        body.update_stress(rate, increment_rate)
+        start = perf_counter()          # the integrands at the points, by compiled kernels: part of the assembly
+        body.update_stress(rate, body.rate_of_increment())
         body.solution.x.array[:] += body.increment.x.array
         if first:
             # the linear viscous start is found; its stress would be a poor guess, so one Picard step follows
@@ -220,6 +220,7 @@ class FlowSolver:
         if body.law.depends_on_rate and self._sigma_nodes is not None:
             self._sigma_nodes = self._nodal_flow_stress(task, body.nodal_rate())
         body.cut_stress(rate)
+        self.seconds["assembly"] += perf_counter() - start
         return rate
 
     def _respond(self, ratio: float, iteration: int) -> np.ndarray:

@@ -128,6 +128,22 @@ def tangent(x, cells, dofs, weights, table, shape, hats, axisymmetric, solution,
 
 
 @compiled
+def strain_rates(x, cells, dofs, table, shape, axisymmetric, velocities, out):
+    """Strain rates as Mandel vectors into ``out`` (cells, points, 3 or 4); arguments as of :func:`tangent`."""
+    last = out.shape[2] - 1
+    g, h = np.empty((2, 6)), np.zeros(6)
+    for c in range(len(cells)):
+        for q in range(len(table)):
+            _at_point(x, cells[c], table[q], shape[q], axisymmetric, g, h)
+            rr, zz, hoop, rz = _strain_rate(velocities, dofs[c], g, h)
+            rates = out[c, q]
+            rates[0], rates[1] = rr, zz
+            if axisymmetric:
+                rates[2] = hoop
+            rates[last] = rz / SQRT1_2
+
+
+@compiled
 def facet_tangent(shape, weighted, places, values):
     """Add the contact tangents ``weighted`` (facets, points, 4), each times its surface, by the shape functions (points, 3)
     of the nodes of a facet, at the places (facets, 6, 6) of its velocities."""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import basix
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
 from . import plane_kernels as kernels
-from .nodes import QUADRATURE_DEGREE
 from .workpiece import Workpiece
 
 KNOWN_TERMS = ("plastic", "incompressibility", "contact")      # whose tangents the kernels compute
@@ -19,13 +17,6 @@ class PlaneMatrix:
 
     def __init__(self, workpiece: Workpiece):
         self._body = body = workpiece
-        cell = body.nodes.mesh.basix_cell()
-        points, self._weights = basix.make_quadrature(cell, QUADRATURE_DEGREE[2])
-        quadratic = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
-        linear = basix.create_element(basix.ElementFamily.P, cell, 1)
-        table = quadratic.tabulate(1, points)[..., 0]
-        self._shape, self._table = table[0].copy(), np.moveaxis(table[1:], 0, 2).copy()
-        self._hats = linear.tabulate(0, points)[0, :, :, 0].copy()
         others = [term for name, term in body.tangents.items() if name not in KNOWN_TERMS]
         self._others = fem.form(sum(others)) if others else None
         self._rest = fem.create_matrix(self._others) if others else None      # of the same pattern
@@ -33,7 +24,7 @@ class PlaneMatrix:
 
     def _lay_out(self):
         """The pattern, and where the entries of cells and of contact facets lie in it."""
-        body, dofs = self._body, self._body.space.dofmap.list
+        body, dofs = self._body, self._body.element.dofs
         n = body.space.dofmap.index_map.size_local
         keys = np.unique(dofs[:, :, None] * np.int64(n) + dofs[:, None, :])
         starts = np.searchsorted(keys, n * np.arange(n + 1, dtype=np.int64)).astype(PETSc.IntType)
@@ -68,13 +59,13 @@ class PlaneMatrix:
         self.assemble(body.conditions)
 
     def _assemble(self):
-        body, values = self._body, self._values
+        body, element, values = self._body, self._body.element, self._values
         values[:] = 0.0
         if self._others is not None:
             self._rest.data[:] = 0.0
             values += fem.assemble_matrix(self._rest, self._others).data
-        kernels.tangent(body.nodes.mesh.geometry.x, body.nodes.cells, body.space.dofmap.list, self._weights, self._table,
-                        self._shape, self._hats, body.kinematics.name == "axisymmetric", body.solution.x.array,
+        kernels.tangent(body.nodes.mesh.geometry.x, body.nodes.cells, element.dofs, element.weights, element.table,
+                        element.shape, element.hats, element.axisymmetric, body.solution.x.array,
                         float(body.rate0.value), *body.handed_over(), self._places, values)
         if body.contact is not None:
             facets = body.contact.facets

@@ -80,6 +80,9 @@ class PointData:
         advance(self.strain_rate, increment_rate, self.tau, self.sigma, self.softening, rate)
 
     def rate_of_increment(self) -> np.ndarray:
+        """Strain rate of the increment at the points, (cells * points, components), 1/s."""
+        if self.element is not None:
+            return self.element.strain_rates(self.increment.x.array)
         return self._rate_of_increment.eval(self.nodes.mesh, self._owned_cells).reshape(self.strain_rate.shape)
 
     def refresh_strain_rate(self) -> None:

@@ -22,6 +22,7 @@ from .conditions import Conditions
 from .flow_results import FlowResults
 from .kinematics import Kinematics
 from .nodes import QUADRATURE_DEGREE, Nodes
+from .plane_element import PlaneElement
 from .point_data import PointData
 from .rate_continuity import RateContinuity
 from .settings import NewtonSettings
@@ -163,9 +164,10 @@ class Workpiece(Conditions, PointData, FlowResults):
         self._mass_powers = {name: fem.form(meter) for name, meter in meters.items()}
         self._nodal_area = fem.form(w[0] * weight * self.contact.facets.measure) \
             if self.contact is not None else None
-        u = ufl.split(self.increment)[0]
-        self._rate_of_increment = fem.Expression(D(u), points)
-        self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
+        self.element = PlaneElement(self.nodes, kin, self.space.dofmap.list) if kin.dim == 2 else None
+        if self.element is None:
+            self._rate_of_increment = fem.Expression(D(ufl.split(self.increment)[0]), points)
+            self._owned_cells = np.arange(len(self.nodes.cells), dtype=np.int32)
 
     @cached_property
     def tangent_form(self) -> fem.Form:

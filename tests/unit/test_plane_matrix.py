@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import basix
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 
 from fenics_forming import laws, scene
+from fenics_forming.physics.nodes import QUADRATURE_DEGREE
 from fenics_forming.physics.plane_matrix import PlaneMatrix
 from fenics_forming.physics.system import SystemMatrix
 from fenics_forming.simulation.run import Simulation
@@ -57,3 +61,17 @@ def test_compiled_tangent_is_that_of_the_forms(case):
     difference = forms.petsc.copy()
     difference.axpy(-1.0, kernels.petsc)
     assert difference.norm() < 1e-11 * forms.petsc.norm()      # the forms round their tables
+
+
+@pytest.mark.parametrize("kind", ["plane_strain", "axisymmetric"])
+def test_compiled_strain_rates_are_those_of_the_kinematics(kind):
+    """Of any velocities, on curved cells."""
+    work = Simulation(block(kind, "perfect")).body.workpiece
+    x = work.nodes.x
+    x[:] += 0.03 * np.sin(2 * x[:, ::-1] + 1) * (x != 0)
+    work.increment.x.array[:] = np.random.default_rng(3).standard_normal(len(work.increment.x.array))
+    points, _ = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE[2])
+    rates = fem.Expression(work.kinematics.strain_rate(ufl.split(work.increment)[0]), points)
+    expected = rates.eval(work.nodes.mesh, np.arange(len(work.nodes.cells), dtype=np.int32))
+    np.testing.assert_allclose(work.rate_of_increment().ravel(), expected.ravel(), rtol=0,
+                               atol=1e-11 * np.abs(expected).max())      # the forms round their tables
