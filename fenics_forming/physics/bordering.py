@@ -18,6 +18,8 @@ from petsc4py import PETSc
 
 from .contact.rigid import KnownTool
 from .parallel import total
+from .resolving import Unknowns
+from .trace import trace_operator
 
 
 class Border:
@@ -165,6 +167,9 @@ class AppendedBorder(Border):
         self._matrix: AppendedMatrix | None = None
 
     def solve(self, system, b: PETSc.Vec) -> None:
+        if system.changes is not None:
+            self._solve_again(system, b)
+            return
         local, corners = self.blocks()
         columns = self._owned(local[0] if len(local) == 1 else sp.hstack(local, format="csr"))
         self._increment = system.solve_bordered(b, columns, _block_diagonal(corners), np.concatenate(self.residuals()),
@@ -183,6 +188,19 @@ class AppendedBorder(Border):
         found = self._matrix.solve(b, right, x.petsc_vec)
         x.scatter_forward()
         return found
+
+    def _solve_again(self, system, b: PETSc.Vec) -> None:
+        """With the factors of before and the contact as it is now, which few points have changed. Collective."""
+        x = self.workpiece.increment.x
+        few = system.changes.changed(self._solve_as_factorised, x.petsc_vec, self.tools)
+        found = few.solve(Unknowns(b, np.concatenate(self.residuals())))
+        found.body.copy(x.petsc_vec)
+        self._increment = found.behind
+        x.scatter_forward()
+
+    def _solve_as_factorised(self, right: Unknowns) -> Unknowns:
+        found = right.body.duplicate()
+        return Unknowns(found, self._matrix.resolve(right.body, right.behind, found))
 
     def _owned(self, local: sp.csr_matrix) -> sp.csr_matrix:
         """Rows (local dofs, n) summed over the ranks that share a dof, (owned dofs, n). Collective."""
@@ -278,6 +296,10 @@ class AppendedMatrix:
     def solve(self, b: PETSc.Vec, right: np.ndarray, x: PETSc.Vec) -> np.ndarray:
         """Factorise, and solve for the unknowns of the workpiece into ``x``; those behind them on all ranks. Collective."""
         self._solver.factorise()
+        return self.resolve(b, right, x)
+
+    def resolve(self, b: PETSc.Vec, right: np.ndarray, x: PETSc.Vec) -> np.ndarray:
+        """The same with the factors of the last :meth:`solve`. Collective."""
         n = b.getLocalSize()
         self._right.array[:n] = b.array_r[:n]
         if self._is_last:
@@ -300,19 +322,6 @@ def _keys(columns: sp.csr_matrix) -> np.ndarray:
     """Rows and columns of the entries as rising numbers."""
     rows = np.repeat(np.arange(columns.shape[0]), np.diff(columns.indptr))
     return rows * np.int64(columns.shape[1]) + columns.indices
-
-
-def trace_operator(workpiece) -> sp.csr_matrix:
-    """Velocities at the contact points from the unknowns of this rank, (points · dim, local dofs)."""
-    facets, dim = workpiece.contact.facets, workpiece.nodes.dim
-    per = facets.points_per_facet
-    nodes = np.repeat(facets.facet_nodes, per, axis=0)                       # (points, nodes of a facet)
-    shapes = np.tile(facets.shape, (len(facets.facet_nodes), 1))
-    columns = workpiece.velocity_dofs[nodes].swapaxes(1, 2)                  # (points, dim, nodes)
-    values = np.broadcast_to(shapes[:, None, :], columns.shape)
-    starts = np.arange(0, columns.size + 1, columns.shape[2])
-    size = len(workpiece.solution.x.array)
-    return sp.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(facets.count * dim, size))
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -8,8 +8,11 @@ from petsc4py import PETSc
 
 from .linear import DirectSolver
 from .plane_matrix import PlaneMatrix
+from .resolving import NONE, FewChanges, FewPoints, Unknowns
 from .system import CoupledMatrix, SystemMatrix
 from .workpiece import Workpiece
+
+FEW = 4     # points that close or open: as many directions again are as dear as an iteration
 
 
 class DirectSystem:
@@ -24,6 +27,7 @@ class DirectSystem:
     """
 
     kind, settles = "direct", False
+    changes: FewPoints | None = None     # which points have closed and opened since the factorisation
 
     def __init__(self, workpiece: Workpiece):
         self.counts: Counter[str] = Counter()
@@ -34,6 +38,8 @@ class DirectSystem:
             self._bulk = SystemMatrix(workpiece.tangent_form)
         self.matrix = self._bulk if interfaces is None else CoupledMatrix(self._bulk, interfaces)
         self._solver: DirectSolver | None = None
+        self._settling: FewPoints | None = None
+        self._few: FewChanges | None = None
 
     def follow(self) -> None:
         """Make ready for the present geometry and the present pairs of bodies in contact. Collective."""
@@ -57,16 +63,21 @@ class DirectSystem:
 
     def solve_also(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Another right-hand side with the factorisation of the last :meth:`solve`."""
-        self._solver.solve(b, x)
+        if self.changes is None:
+            self._solver.solve(b, x)
+        else:
+            self._changed().solve(Unknowns(b, NONE)).body.copy(x)
 
     def solve(self, b: PETSc.Vec) -> None:
-        """Factorise, and solve for the increment."""
-        self.counts["solves"] += 1
-        if self._solver is None:
-            self._solver = DirectSolver(self.matrix.petsc)
-        self._solver.factorise()
-        self._solver.solve(b, self._body.increment.x.petsc_vec)
-        self._body.increment.x.scatter_forward()
+        """Factorise, and solve for the increment; after :meth:`follow_contact` with the factors of before."""
+        x = self._body.increment.x
+        if self.changes is None:
+            self.counts["solves"] += 1
+            if self._solver is None:
+                self._solver = DirectSolver(self.matrix.petsc)
+            self._solver.factorise()
+        self.solve_also(b, x.petsc_vec)
+        x.scatter_forward()
 
     def solve_bordered(self, b: PETSc.Vec, columns, corner, right, factorised):
         """Solve with unknown motions of tools, (n,), by the matrix that they are appended to: see ``AppendedBorder``."""
@@ -74,7 +85,28 @@ class DirectSystem:
         return factorised(self, b, columns, corner, right)
 
     def settle(self, b: PETSc.Vec, solve, border) -> None:
-        """Nothing: another factorisation costs as much as another iteration of the Newton."""
+        """Follow the contact of the increment that ``solve(b)`` has found where few points close or open; not where
+        friction follows the pressure of the iteration before, with which points would close and open again. Collective."""
+        contact = self._body.contact
+        if contact is None or any(t.has_friction and t.friction.depends_on_pressure for t in contact.tools):
+            return
+        self._settling = self._settling or FewPoints(self._body, FEW)
+        self._settling.settle(self, b, solve, border)
+        self.changes = self._few = None
+
+    def follow_contact(self) -> None:
+        """Take over the tangents of contact anew: those of few points have changed since the factorisation. Collective."""
+        self.changes, self._few = self._settling, None
+
+    def _changed(self) -> FewChanges:
+        if self._few is None:
+            self._few = self.changes.changed(self._solve_as_factorised, self._body.increment.x.petsc_vec)
+        return self._few
+
+    def _solve_as_factorised(self, right: Unknowns) -> Unknowns:
+        found = right.body.duplicate()
+        self._solver.solve(right.body, found)
+        return Unknowns(found, right.behind)
 
     def news(self) -> list[str]:
         """What a user wants to hear: nothing."""

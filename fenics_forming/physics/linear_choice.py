@@ -43,11 +43,12 @@ class WithFallback:
     """
 
     kind, settles = "iterative", True
+    changes = None      # of the contact since a factorisation: what settles here are the iterations
 
     def __init__(self, workpiece: Workpiece):
         from .iterative.system import IterativeSystem
         self._body = workpiece
-        from .iterative.settling import Settling
+        from .settling import Settling
         self.iterative = IterativeSystem(workpiece)
         self._settling = None if workpiece.contact is None else Settling(workpiece)
         self._direct: DirectSystem | None = None

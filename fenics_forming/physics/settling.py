@@ -5,7 +5,8 @@ was found with the wrong ones pulls open points to the tool, or lets pressing on
 that, and takes iterations to recover. So the linear system is solved again with the points that its own answer closes,
 until these are the same: that is the linearised flow under unilateral contact, whose increment has no such faults (the
 semi-smooth Newton of M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13, 2002, 865, within each iteration). It pays
-where solving again is cheap: by iterations that start from the answer before, not by another factorisation.
+where solving again is cheap: by iterations that start from the answer before, or by the factors of before where few points
+have changed (``resolving``), not by another factorisation.
 """
 
 from __future__ import annotations
@@ -13,18 +14,23 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from ..contact import point_law as law
-from ..parallel import total
-from ..workpiece import Workpiece
+from .contact import point_law as law
+from .parallel import total
+from .workpiece import Workpiece
 
 MOST = 3        # times that an iteration is solved again
 
 
 class Settling:
-    """The closed points of the contact of a workpiece with its tools, for one linear system after another."""
+    """The closed points of the contact of a workpiece with its tools, for one linear system after another.
 
-    def __init__(self, workpiece: Workpiece):
-        self._body, self._contact = workpiece, workpiece.contact
+    Parameters
+    ----------
+    most : points that may close or open; more are left to the next iteration of the Newton. None: any number
+    """
+
+    def __init__(self, workpiece: Workpiece, most: int | None = None):
+        self._body, self._contact, self._most = workpiece, workpiece.contact, most
 
     def settle(self, system, b: PETSc.Vec, solve, border) -> None:
         """Follow the contact of the increment that was found, with that of the motions of tools that a ``border`` seeks,
@@ -43,24 +49,35 @@ class Settling:
         body, contact = self._body, self._contact
         v, dv = body.velocity, body.increment.x.array[body.velocity_dofs]
         before, after = contact.facets.trace(v), contact.facets.trace(v + dv)
-        closed = [law.trial_pressure(t.state, after, contact.coefficient, contact.dt, coming.get(t.name)) > 0
-                  for t in contact.tools]
+        pressures = [law.trial_pressure(t.state, after, contact.coefficient, contact.dt, coming.get(t.name))
+                     for t in contact.tools]
+        closed = [self._allowed(t, pressure > 0) for t, pressure in zip(contact.tools, pressures, strict=True)]
         changed = sum(np.count_nonzero(c != t.state.active) for c, t in zip(closed, contact.tools, strict=True))
-        if total(contact.facets.comm, float(changed)) == 0:
+        changed = total(contact.facets.comm, float(changed))
+        if changed == 0 or self._most is not None and changed > self._most:
             return None
         old = sum(t.traction for t in contact.tools)
         for tool, now in zip(contact.tools, closed, strict=True):
-            state = tool.state
-            state.grip = np.where(now == state.active, state.grip, now)
-            state.active = now
-            state.pressure = np.where(now, law.trial_pressure(state, before, contact.coefficient, contact.dt), 0.0)
-            tool.traction, tool.tangent = law.normal_response(state, contact.coefficient)
-            if tool.has_friction:
-                rubbing, resistance = law.friction_response(state, contact.limit(tool), contact.slip0_now)
-                tool.traction, tool.tangent = tool.traction + rubbing, tool.tangent + resistance
+            self._take_over(tool, now, before)
         new = sum(t.traction for t in contact.tools)
         contact.facets.set_traction(new, sum(t.tangent for t in contact.tools))
         return new - old
+
+    def _allowed(self, tool, closed: np.ndarray) -> np.ndarray:
+        """Which of the points ``closed`` (points,) bool by the increment are taken for closed."""
+        return closed
+
+    def _take_over(self, tool, now: np.ndarray, velocity: np.ndarray) -> None:
+        """The points ``now`` (points,) bool are closed: traction and tangent of the tool at the velocities (points, dim) of
+        before the increment."""
+        state, contact = tool.state, self._contact
+        state.grip = np.where(now == state.active, state.grip, now)
+        state.active = now
+        state.pressure = np.where(now, law.trial_pressure(state, velocity, contact.coefficient, contact.dt), 0.0)
+        tool.traction, tool.tangent = law.normal_response(state, contact.coefficient)
+        if tool.has_friction:
+            rubbing, resistance = law.friction_response(state, contact.limit(tool), contact.slip0_now)
+            tool.traction, tool.tangent = tool.traction + rubbing, tool.tangent + resistance
 
     def _add_forces(self, b: PETSc.Vec, traction: np.ndarray) -> None:
         """Add the nodal forces of tractions (points, dim) to the right-hand side, where velocities are sought."""
