@@ -85,11 +85,13 @@ class DirectSystem:
         return factorised(self, b, columns, corner, right)
 
     def settle(self, b: PETSc.Vec, solve, border) -> None:
-        """Follow the contact of the increment that ``solve(b)`` has found where few points close or open, in the plane; not
-        where friction follows the pressure of the iteration before, with which they would turn round. Collective."""
+        """Follow the contact of the increment that ``solve(b)`` has found where few points close or open, for one body in
+        the plane; not where friction follows the pressure of the iteration before, with which they would turn round, nor
+        where a ram's energy makes its motion, which would end in another step on another number of ranks. Collective."""
         contact = self._body.contact
-        if contact is None or contact.facets.dim == 3 or any(
-                t.has_friction and t.friction.depends_on_pressure for t in contact.tools):
+        if contact is None or contact.facets.dim == 3 or self._body.interfaces is not None or any(
+                (t.has_friction and t.friction.depends_on_pressure) or (t.is_sought and not t.free.deforms)
+                for t in contact.tools):
             return
         self._settling = self._settling or FewPoints(self._body, FEW)
         self._settling.settle(self, b, solve, border)

