@@ -10,9 +10,9 @@ import numpy as np
 from fenics_forming import meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.process.integration import Etd2, Explicit, Midpoint, Rotation, Trapezoid
+from fenics_forming.process.meshes.transfer import integral
 from fenics_forming.process.prescribed import PrescribedFlow, carry
 from fenics_forming.process.substeps import Substeps
-from fenics_forming.process.transfer import integral
 
 SCHEMES = {
     "`explicit`": (Explicit, "1"), "`substeps` = 3, plain": (lambda: Substeps(3), "1"),

@@ -25,8 +25,8 @@ from mpi4py import MPI
 import fenics_forming as ff
 from fenics_forming.physics.meshing import order_two
 from fenics_forming.physics.tools import known_tools
-from fenics_forming.process.machines import drives_of
 from fenics_forming.process.placing import flowing_body
+from fenics_forming.process.tools.machines import drives_of
 
 HERE = Path(__file__).parent
 SIZE, SPEED, STEP = 15.0, 1.0, 0.15

@@ -27,8 +27,8 @@ import numpy as np
 import fenics_forming as ff
 from demos.comparison import Compared, compare
 from fenics_forming.results import Progress
-from fenics_forming.results.contact_forces import read_contact_forces
-from fenics_forming.results.skin import Skin
+from fenics_forming.results.pictures.skin import Skin
+from fenics_forming.results.recording.contact_forces import read_contact_forces
 
 SCENE = Path(__file__).parent / "scenes" / "assembled_die.toml"
 BORE, JOINT, OUTSIDE, HEIGHT = 20.0, 40.0, 80.0, 40.0     # mm

@@ -22,7 +22,7 @@ import fenics_forming as ff
 from demos.comparison import Compared, compare
 from fenics_forming.physics.tools import known_tools
 from fenics_forming.results import Progress
-from fenics_forming.results.skin import Skin
+from fenics_forming.results.pictures.skin import Skin
 
 SCENE = Path(__file__).parent / "scenes" / "closed_die.toml"
 BILLET = np.pi * 15**2 * 40      # volume, mm³

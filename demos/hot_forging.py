@@ -122,7 +122,7 @@ def draw_field(axes, figure, run: ff.Results) -> None:
     """The section of billet and upper die at the last frame before the dead centre, each on a scale of its own."""
     import meshio
 
-    from fenics_forming.results.fields import read_frames
+    from fenics_forming.results.recording.fields import read_frames
     frames = {series: {round(time, 9): path for time, path in read_frames(run.folder, series)}
               for series in ("fields", "heat_upper")}
     time = sorted(set(frames["fields"]) & set(frames["heat_upper"]))[-2]

@@ -30,7 +30,7 @@ import numpy as np
 import fenics_forming as ff
 from demos.comparison import Compared, compare
 from fenics_forming.results import Progress
-from fenics_forming.results.skin import Skin
+from fenics_forming.results.pictures.skin import Skin
 
 SCENE = Path(__file__).parent / "scenes" / "ring_rolling_3d.toml"
 OUTER, INNER, HALF = 50.0, 38.0, 10.0       # radii and half the height of the ring, mm

@@ -142,7 +142,7 @@ def _check(options) -> int:
 
 
 def _plot(options) -> int:
-    from .results.plotting import plot_fields, plot_force_stroke, plot_run
+    from .results.pictures.plotting import plot_fields, plot_force_stroke, plot_run
     from .results.results import Results
     runs = [Results.read(folder) for folder in options.folder]
     folder = options.folder[0]
@@ -151,7 +151,7 @@ def _plot(options) -> int:
         plot_force_stroke(runs, tool=options.tool, path=path)
         print(path)
     elif options.revolve:
-        from .results.revolved import plot_revolved
+        from .results.pictures.revolved import plot_revolved
         field = options.field or "effective_strain"
         path = folder / f"{field}_revolved.png"
         plot_revolved(runs[0], field, options.frame, path=path)
@@ -167,7 +167,7 @@ def _plot(options) -> int:
 
 
 def _animate(options) -> int:
-    from .results.animation import animate
+    from .results.pictures.animation import animate
     from .results.results import Results
     out = options.out or options.folder / f"{options.field}.gif"
     print(animate(Results.read(options.folder), options.field, path=out, fps=options.fps))

@@ -79,7 +79,7 @@ def assembled_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: di
                           mass=mass_of(scene, parts))
     heat = None
     if scene.computes_heat:
-        from .heat_building import heat_of_bodies
+        from .heat.building import heat_of_bodies
         slaves = {} if workpiece.interfaces is None else workpiece.interfaces.slaves
         heat = heat_of_bodies(scene, parts, kinematics, free, tools, slaves, workpiece)
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), working_direction=working_direction(scene),

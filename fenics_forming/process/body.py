@@ -17,9 +17,9 @@ from .body_volume import BodyVolume
 from .frozen import FrozenField
 from .going_back import GoingBack
 from .integration import Flow
-from .machines import Rams
 from .moving import follow_weight
 from .tool_side import ToolSide
+from .tools.machines import Rams
 from .touching import Touching
 from .volume import FreeSurface
 
@@ -156,7 +156,7 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         try:
             iterations = once()
             if self.deformations and ahead == 1.0:       # only those that take the tools along
-                from .tool_deformation import agree
+                from .tools.deformation import agree
                 iterations += agree(self, once)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure

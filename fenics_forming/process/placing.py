@@ -33,7 +33,7 @@ def flowing_body(scene: Scene, mesh: Mesh, tools: list[KnownTool], mirrors: dict
                           flow_stress=material.flow_stress, mass=mass_of(scene))
     heat = None
     if scene.computes_heat:
-        from .heat_building import body_heat
+        from .heat.building import body_heat
         heat = body_heat(scene, nodes, kinematics, candidates, tools, workpiece)
     return FlowingBody(workpiece, boundary=nodes_of(nodes, candidates), working_direction=working_direction(scene),
                        heat=heat, free_surface=FreeSurface.of_mesh(nodes, kinematics, mirrors),

@@ -1,11 +1,11 @@
 """What a run leaves behind: history, fields, checkpoints, pictures. Nothing here solves."""
 
 from .checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from .fields import FieldWriter, read_frames
 from .files import ResultsError
 from .history import History
-from .plotting import plot_fields, plot_force_stroke, plot_run
+from .pictures.plotting import plot_fields, plot_force_stroke, plot_run
 from .progress import Progress, Silent
+from .recording.fields import FieldWriter, read_frames
 from .results import Results, write_summary
 
 __all__ = [

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .fields import padded, read_frames, start_frames, step_of, write_pvd
 from .files import ResultsError, on_rank_zero, whole_file
+from .recording.fields import padded, read_frames, start_frames, step_of, write_pvd
 
 NAME = "flow_lines"
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from . import page
-from .curves import kinds_of_columns, plot_history
-from .drawing import close, frame_of, has_curve, new_axes
 from .files import whole_file
-from .plotting import FIELDS as OF_A_RUN
-from .plotting import plot_fields, plot_force_stroke
-from .plotting_tools import plot_load_displacement
+from .pictures.curves import kinds_of_columns, plot_history
+from .pictures.drawing import close, frame_of, has_curve, new_axes
+from .pictures.plotting import FIELDS as OF_A_RUN
+from .pictures.plotting import plot_fields, plot_force_stroke
+from .pictures.skin import Skin
+from .pictures.tools import plot_load_displacement
 from .readable import duration, thousands
-from .skin import Skin
 from .table import name_and_unit
 
 FIELDS = (*OF_A_RUN, "damage", "contact_pressure")

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..units import format_quantity
-from .fields import read_frames
 from .files import ResultsError, on_rank_zero, whole_file
 from .flow_lines import FollowedLine, read_flow_line
 from .history import History
 from .readable import duration, thousands
+from .recording.fields import read_frames
 
 
 class Results:
@@ -174,8 +174,8 @@ class Results:
 
     # ------------------------------------------------------------------ seen
     def plot(self, *, tool: str | None = None, path: Path | str | None = None):
-        """Force over stroke; see :func:`fenics_forming.results.plotting.plot_force_stroke`."""
-        from .plotting import plot_force_stroke
+        """Force over stroke; see :func:`fenics_forming.results.pictures.plotting.plot_force_stroke`."""
+        from .pictures.plotting import plot_force_stroke
 
         return plot_force_stroke(self, tool=tool, path=path)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .drawing import AXES, frame_of, label_of, mirrors_of, new_axes, saved, when
 from .files import ResultsError
-from .skin import Skin
+from .pictures.drawing import AXES, frame_of, label_of, mirrors_of, new_axes, saved, when
+from .pictures.skin import Skin
 
 ON_PLANE = 1e-6    # of the size of the body: sides nearer to a mirror plane lie on it
 

@@ -96,7 +96,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     if body.heat is not None:
         heat, rates = body.heat.resumed(local, saved["heat_tools"])
         if body.deformations:
-            from ..process.heat_expansion import expand
+            from ..process.heat.expansion import expand
             expand(body, heat)
         flow = replace(flow, rates=flow.rates | rates)
     return State(saved["step"], saved["time"], history, flow, saved["dt"], heat=heat, paused=saved["paused"],

@@ -15,13 +15,13 @@ from ..physics.kinematics import KINDS
 from ..physics.nodes import Nodes
 from ..physics.tools import known_tools
 from ..physics.tracking import MaterialPoints
-from ..process.heat_building import body_heat, heat_of_bodies
+from ..process.heat.building import body_heat, heat_of_bodies
 from ..process.placing import free_facets, mirror_planes
 from ..process.timestep import StepChoice
 from ..results.checkpoint import load_checkpoint, save_checkpoint
-from ..results.heat_ledger import HeatLedger
-from ..results.heat_recorder import HeatRecorder
 from ..results.progress import Silent
+from ..results.recording.heat_ledger import HeatLedger
+from ..results.recording.heat_recorder import HeatRecorder
 from ..results.results import Results
 from ..scene import Scene, check, copies
 from .checkpointing import with_words

@@ -14,14 +14,14 @@ from ..physics.nodes import Nodes
 from ..physics.tools import known_tools
 from ..physics.tracking import MaterialPoints
 from ..process.body import FlowingBody
-from ..process.free_drives import equip
-from ..process.machines import drives_of
 from ..process.placing import flowing_body, mirror_planes
+from ..process.tools.free_drives import equip
+from ..process.tools.machines import drives_of
 from ..results.checkpoint import load_checkpoint
-from ..results.folds import FoldRecord
-from ..results.ledger import PowerLedger, VolumeLedger, VolumeLedgers
 from ..results.progress import Silent
-from ..results.recorder import Recorder
+from ..results.recording.folds import FoldRecord
+from ..results.recording.ledger import PowerLedger, VolumeLedger, VolumeLedgers
+from ..results.recording.recorder import Recorder
 from ..results.results import Results
 from ..scene import Scene, check, copies
 from .checkpointing import resumed, save
@@ -110,7 +110,7 @@ class Simulation:
         """What makes tools deform or yield, their meshes included; nothing where there are none."""
         if not self.scene.yielding_tools:
             return []
-        from ..process.tool_deformation import yielding_tools
+        from ..process.tools.deformation import yielding_tools
         return yielding_tools(self.scene, tools, self.comm)
 
     def _placed(self, tools) -> FlowingBody:
@@ -140,7 +140,7 @@ class Simulation:
         """What is known of heat made and lost, where temperatures change; else None."""
         if body.heat is None:
             return None
-        from ..results.heat_ledger import HeatLedger
+        from ..results.recording.heat_ledger import HeatLedger
 
         ledger = HeatLedger(copies(self.scene))
         if self._saved is not None:
@@ -174,9 +174,9 @@ class Simulation:
         if all(body.remesh is None for body in self.scene.workpieces.values()):
             return None
         if self.scene.is_assembled:
-            from ..process.assembly_keeper import AssemblyKeeper as MeshKeeper
+            from ..process.meshes.assembly_keeper import AssemblyKeeper as MeshKeeper
         else:
-            from ..process.mesh_keeper import MeshKeeper
+            from ..process.meshes.keeper import MeshKeeper
 
         keeper = MeshKeeper(self.scene, mirrors=self.mirrors, mesh_size=self.mesh_size, volume=self.start_volume)
         if self._saved is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from ..process.integration import Flow
 
 if TYPE_CHECKING:
-    from ..process.heating import HeatState
+    from ..process.heat.heating import HeatState
 
 
 @dataclass

@@ -12,9 +12,9 @@ from ..errors import ConvergenceError, MeshError
 from ..process.approach import free_way
 from ..process.body import FlowingBody
 from ..process.integration import StepEnd, drifting
+from ..process.meshes.tool_corners import hold_corners
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
-from ..process.tool_corners import hold_corners
 from ..scene import Scene
 from .cooling import cooled, due, resting
 from .state import State
@@ -183,7 +183,7 @@ class Stepper:
             history, heat = resting(body, state.history, state.heat, body.tools, dt) if travels else \
                 body.heat.advance(state.history, history, state.heat, body.tools, dt)
             if body.deformations:
-                from ..process.heat_expansion import expand
+                from ..process.heat.expansion import expand
                 expand(body, heat)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
         flow = replace(flow, iterations=flow.iterations + end.iterations)

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from ..errors import SceneError
 from ..physics.tool_body import NodalForces
 from ..physics.tool_body.carrying import ContactForces, carried
-from ..process.tool_bodies import MeshedTool, tool_body
-from ..results.contact_forces import kept_frames, read_contact_forces
+from ..process.tools.bodies import MeshedTool, tool_body
+from ..results.recording.contact_forces import kept_frames, read_contact_forces
 from ..results.results import Results
 from ..scene import Scene, check
 from ..scene.tool_modes import mirror_problems

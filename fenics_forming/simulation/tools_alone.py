@@ -12,11 +12,11 @@ from mpi4py import MPI
 from ..errors import ConvergenceError
 from ..physics.tool_body import ToolSettings
 from ..physics.tracking import MaterialPoints
-from ..process.tool_bodies import MeshedTool, tool_body
-from ..process.tool_loading import LoadedTool
+from ..process.tools.bodies import MeshedTool, tool_body
+from ..process.tools.loading import LoadedTool
 from ..results.progress import Silent
+from ..results.recording.tool_recorder import ToolRecorder
 from ..results.results import Results
-from ..results.tool_recorder import ToolRecorder
 from ..scene import Scene, check
 from .tool_checkpoints import resumed, save, saved_step
 

@@ -215,9 +215,16 @@ def test_the_python_of_the_readme_runs(number, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
-def test_what_the_readme_links_to_is_there(target):
-    assert (Path(__file__).parents[2] / target).exists()
+def links():
+    """(folder, target) of every link of the README and of the pages in docs to a file of the project."""
+    root = Path(__file__).parents[2]
+    return sorted({(page.parent, target) for page in [root / "README.md", *root.glob("docs/*.md")]
+                   for target in re.findall(r"\]\(((?!http)[^)#]+)[)#]", page.read_text(encoding="utf-8"))})
+
+
+@pytest.mark.parametrize(("folder", "target"), links(), ids=lambda value: str(value)[-40:])
+def test_what_the_pages_link_to_is_there(folder, target):
+    assert (folder / target).exists()
 
 
 def test_the_hot_billet_gives_columns_the_heat_that_a_temperature_field_takes(tmp_path, capsys):

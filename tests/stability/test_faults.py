@@ -16,8 +16,9 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming.laws.flow_stress import FlowStress
-from fenics_forming.process import mesh_keeper, remeshing
-from fenics_forming.process.mesh_keeper import MeshKeeper
+from fenics_forming.process.meshes import keeper as mesh_keeper
+from fenics_forming.process.meshes import renewing as remeshing
+from fenics_forming.process.meshes.keeper import MeshKeeper
 from fenics_forming.results import Results, ResultsError
 from fenics_forming.simulation import simulation_of
 
@@ -47,7 +48,7 @@ KILLED = """
                     save = np.savez
                     np.savez = lambda file, **arrays: (save(file, **dict(list(arrays.items())[:3])), die())
                 if moment == "frame":
-                    from fenics_forming.results import recorder
+                    from fenics_forming.results.recording import recorder
                     recorder.Recorder._frame = die
                 if moment == "row":                     # half a line stands in the history
                     from fenics_forming.results.history import History

@@ -43,7 +43,7 @@ def test_ledger_of_a_resumed_run_counts_from_the_start(tmp_path):
 
 def test_volume_that_cannot_be_given_back_is_said():
     """The ledger doubts a restored volume that is off by more than rounding, and no other below one per cent."""
-    from fenics_forming.results.ledger import VolumeLedger
+    from fenics_forming.results.recording.ledger import VolumeLedger
 
     kept = VolumeLedger(100.0, restored=True)
     kept.book({"corners": -0.5})

@@ -11,7 +11,7 @@ import pytest
 from fenics_forming import laws, scene
 from fenics_forming.results import Results
 from fenics_forming.results.files import ResultsError
-from fenics_forming.results.plotting import plot_fields, plot_run
+from fenics_forming.results.pictures.plotting import plot_fields, plot_run
 from fenics_forming.simulation import Simulation, simulate
 
 LINES = {"slanted": scene.FlowLine(body="billet", from_=(0, 1), to=(10, 6), points=11),

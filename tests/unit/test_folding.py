@@ -12,7 +12,7 @@ from fenics_forming import kinematics, meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.process.folding import FoldFinder
 from fenics_forming.process.volume import FreeSurface
-from fenics_forming.results.folds import FoldRecord
+from fenics_forming.results.recording.folds import FoldRecord
 
 SLOT = 0.5     # mm, width at the start
 

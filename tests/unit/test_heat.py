@@ -16,7 +16,7 @@ from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.thermal.bed import Bed
 from fenics_forming.physics.thermal.field import HeatField
 from fenics_forming.physics.thermal.network import Network
-from fenics_forming.process.heating import BodyHeat, ToolExchange
+from fenics_forming.process.heat.heating import BodyHeat, ToolExchange
 from fenics_forming.scene import Scene
 
 CONDUCTIVITY, CAPACITY = 25.0, 7500e-12 * 650e6

@@ -78,9 +78,9 @@ def test_a_closed_outline_begins_at_its_lowest_point_and_comes_back(smooth):
 
 def test_a_turned_section_has_the_volume_of_the_body(smooth):
     """Flat triangles on an inscribed polygon of 48 sides hold 0.3 % less than pi r² h."""
-    from fenics_forming.results.drawing import frame_of
-    from fenics_forming.results.revolved import turned
-    from fenics_forming.results.skin import Skin
+    from fenics_forming.results.pictures.drawing import frame_of
+    from fenics_forming.results.pictures.revolved import turned
+    from fenics_forming.results.pictures.skin import Skin
 
     section = Skin.read(frame_of(smooth, 0)[1]).mirrored(1, 0.0)
     for angle, most in ((360.0, 0.005), (270.0, 0.005)):
@@ -121,7 +121,7 @@ def test_a_film_in_mp4_needs_ffmpeg_and_says_so(smooth, tmp_path, monkeypatch):
 
 def test_tools_in_space_are_turned_about_their_axis_and_moved():
     """A quarter turn about x takes y to z; 2-D turns are those about z."""
-    from fenics_forming.results.outlines import _turn
+    from fenics_forming.results.pictures.outlines import _turn
 
     assert _turn(np.pi / 2, (1, 0, 0), 3) @ [0, 1, 0] == pytest.approx([0, 0, 1])
     assert _turn(0.3, (0, 0, 1), 3)[:2, :2] == pytest.approx(_turn(0.3, None, 2))

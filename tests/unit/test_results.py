@@ -34,9 +34,9 @@ from fenics_forming.results import (
     save_checkpoint,
     write_summary,
 )
-from fenics_forming.results.ledger import PowerLedger
-from fenics_forming.results.outlines import flipped, tool_outlines
-from fenics_forming.results.skin import Skin
+from fenics_forming.results.pictures.outlines import flipped, tool_outlines
+from fenics_forming.results.pictures.skin import Skin
+from fenics_forming.results.recording.ledger import PowerLedger
 from fenics_forming.results.table import laid_out
 
 ALONE = MPI.COMM_SELF

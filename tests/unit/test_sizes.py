@@ -16,7 +16,7 @@ from fenics_forming.physics.sizes import AtNodes, AtPoints, body_sizes, graded, 
 from fenics_forming.physics.sizes.field import edges_of
 from fenics_forming.physics.sizes.thickness import thickness
 from fenics_forming.physics.tools import known_tools
-from fenics_forming.process.adaptation import EDGE_SIZE, FINEST, SHARE, adapted_sizes, contact_edges, gradient_sizes
+from fenics_forming.process.meshes.adaptation import EDGE_SIZE, FINEST, SHARE, adapted_sizes, contact_edges, gradient_sizes
 
 SQUARE = scene.Rectangle(from_=(0, 0), to=(10, 10))
 CUBE = scene.Box(from_=(0, 0, 0), to=(10, 10, 10))

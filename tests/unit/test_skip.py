@@ -12,7 +12,7 @@ from fenics_forming import laws, scene
 from fenics_forming.physics import newton
 from fenics_forming.physics.contact import point_law
 from fenics_forming.physics.workpiece import Workpiece
-from fenics_forming.results.recorder import Recorder
+from fenics_forming.results.recording.recorder import Recorder
 from fenics_forming.simulation import Simulation, simulate
 
 
@@ -187,9 +187,9 @@ SCENE = """
     results = ff.simulate(read)
     answer["run"] = loaded("pyvista", "vtk", "matplotlib", "meshio", "rich", "scipy.spatial",
                            "fenics_forming.physics.contact.bvh", "fenics_forming.physics.contact.triangulated",
-                           "fenics_forming.results.plotting3d")
+                           "fenics_forming.results.pictures.in_space")
     answer["remeshing"] = [name for name in sys.modules if name == "mmgpy" or name.startswith("fenics_forming.") and
-                           name.endswith((".mesh_keeper", ".triggers", ".transfer", ".adaptation", ".plane", ".solid",
+                           name.endswith((".meshes.keeper", ".triggers", ".transfer", ".adaptation", ".plane", ".solid",
                                           ".mmg", ".assembling", ".interfaces", ".mass", ".inertia"))]
     answer["heat"] = [name for name in sys.modules if name.startswith("fenics_forming.") and
                       (".thermal" in name or name.split(".")[1] not in ("laws", "scene") and "heat" in name)

@@ -12,9 +12,9 @@ from fenics_forming.physics.contact.surfaces import Plane
 from fenics_forming.physics.kinematics import PLANE_STRAIN
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.remeshing import BodyArrays, remesh
-from fenics_forming.process.remeshing import side_labels
+from fenics_forming.process.meshes.renewing import side_labels
+from fenics_forming.process.meshes.tool_corners import drawn_to_corners, feet, hold_corners, left_corner, protruding_corners
 from fenics_forming.process.shifting import put_on_tools
-from fenics_forming.process.tool_corners import drawn_to_corners, feet, hold_corners, left_corner, protruding_corners
 from fenics_forming.process.volume import FreeSurface
 
 CORNER = np.array([0.0, 1.0])

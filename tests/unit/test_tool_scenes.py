@@ -7,7 +7,7 @@ from fenics_forming import scene
 from fenics_forming.errors import SceneError
 from fenics_forming.physics.contact.blocks import box_surface, cylinder_surface
 from fenics_forming.physics.surface import facet_sides
-from fenics_forming.process.tool_bodies import tool_body
+from fenics_forming.process.tools.bodies import tool_body
 from fenics_forming.scene import check
 
 STEEL = {"young": "210 GPa", "poisson": 0.3}

@@ -10,7 +10,7 @@ from fenics_forming.physics import meshing
 from fenics_forming.physics.locating import Locator
 from fenics_forming.physics.nodes import EDGES
 from fenics_forming.physics.remeshing import BodyArrays, remesh
-from fenics_forming.process.transfer import Transfer, conservation, integral
+from fenics_forming.process.meshes.transfer import Transfer, conservation, integral
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
 

@@ -11,7 +11,7 @@ import pytest
 
 import fenics_forming as ff
 from fenics_forming.physics.tool_body import NodalForces
-from fenics_forming.process.elastic_tool import ElasticTool
+from fenics_forming.process.tools.elastic import ElasticTool
 from fenics_forming.results.files import ResultsError
 from fenics_forming.simulation.run import Simulation
 

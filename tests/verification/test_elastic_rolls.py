@@ -13,7 +13,7 @@ import pytest
 import fenics_forming as ff
 from demos.flat_rolling import ENTRY, EXIT, RADIUS, outline
 from fenics_forming.physics.contact import elastic_motions
-from fenics_forming.results.tool_fields import stresses
+from fenics_forming.results.recording.tool_fields import stresses
 from fenics_forming.simulation.run import Simulation
 
 FLOW_STRESS, FRICTION, CENTRE = 500.0, 0.1, [0.0, RADIUS + EXIT / 2]

@@ -15,7 +15,7 @@ from fenics_forming.physics.kinematics import KINDS
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.thermal import columns
 from fenics_forming.physics.thermal.field import HeatField
-from fenics_forming.process.heating import BodyHeat, ToolExchange
+from fenics_forming.process.heat.heating import BodyHeat, ToolExchange
 from fenics_forming.scene import Scene
 
 STEEL, DIE = (25.0, 7500e-12 * 650e6), (30.0, 7800e-12 * 500e6)     # conductivity, heat capacity of the volume

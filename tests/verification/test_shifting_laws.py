@@ -13,9 +13,9 @@ from demos import ring_rolling_rotation
 from fenics_forming import meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.process.integration import Etd2, Explicit, Midpoint, Rotation, Trapezoid
+from fenics_forming.process.meshes.transfer import integral
 from fenics_forming.process.prescribed import PrescribedFlow, carry
 from fenics_forming.process.substeps import Substeps
-from fenics_forming.process.transfer import integral
 
 from .shapes import ring_sector
 

@@ -9,7 +9,7 @@ import pytest
 import fenics_forming as ff
 from fenics_forming import cli
 from fenics_forming.errors import ConvergenceError
-from fenics_forming.results.fields import read_frames
+from fenics_forming.results.recording.fields import read_frames
 from fenics_forming.scene import Scene, read_scene
 
 SCENE = str(Path(__file__).parents[2] / "demos" / "scenes" / "shrink_fit.toml")

@@ -9,8 +9,8 @@ from fenics_forming.errors import SceneError
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.parallel import total
 from fenics_forming.physics.tool_body.carrying import ContactForces, carried, moments
-from fenics_forming.results.contact_forces import read_contact_forces
 from fenics_forming.results.files import ResultsError
+from fenics_forming.results.recording.contact_forces import read_contact_forces
 from fenics_forming.scene import Scene
 
 SHAPES = {2: lambda: meshing.rectangle((0, 0), (20, 10), (13, 6)),

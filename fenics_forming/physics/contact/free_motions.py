@@ -9,8 +9,9 @@ t the traction of the tool on the body.  The rates of a solve are means over its
 mass :math:`\theta=1/2` keeps energy.  Without, u follows the force; :math:`\theta=1` takes it there in one step, but with
 the force on the geometry of the solve, not on that at the end of the horizon.  So where the force goes on smoothly the Q at
 the end is extrapolated from the unknown one of this solve and an earlier one, :math:`Q_e=Q+r(Q-Q_p)`: second order, and
-no ringing at any step.  (With the Q's of two earlier solves it would ring as the lagged scheme of ``process.stability``
-does; the rule :math:`\theta=1/2` would ring as well, since nothing of :math:`u_0` is left in :math:`u_1`.)
+no ringing at any step.  (With the Q's of two earlier solves it would ring as the lagged scheme of
+``process.tools.stability`` does; the rule :math:`\theta=1/2` would ring as well, since nothing of :math:`u_0` is left
+in :math:`u_1`.)
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Meshes are renewed in the middle of a process: when, how, and what is carried over."""

@@ -1,0 +1,174 @@
+"""From an old mesh to the points of a new one: strain, temperature, damage, velocity.
+
+What history holds is nodal and linear between vertices (mid-nodes have the mean of their ends), so it stays so: no field
+leaves the range of the old one, and no point is left without a value.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import basix
+import numpy as np
+
+from ...physics.locating import Located, Locator, slopes
+from ...physics.nodes import quadratic_shapes
+from .vertex_fits import VertexFits
+
+INTEGRAND_DEGREE = 6     # quadratic value x radius x Jacobian (2-D); value x Jacobian is 5 in 3-D
+
+
+class Transfer:
+    """Values of an old mesh at given points; made once for all fields.
+
+    Parameters
+    ----------
+    old : the old body, with ``x`` (n, dim), mm, and ``cells`` (m, 6 | 10)
+    points : (p, dim) places in the new body, mm, for the history its vertices and mid-nodes; one outside the old body
+        takes the value of the nearest place found
+
+    Attributes
+    ----------
+    located : where the points lie in the straight simplices of the old mesh; its ``distance`` says how far outside
+    """
+
+    def __init__(self, old, points: np.ndarray):
+        self.points = np.asarray(points, float)
+        self.locator = Locator(old.x, old.cells)
+        self.located: Located = self.locator.find(self.points)
+
+    @cached_property
+    def curved(self) -> Located:
+        """Where the points lie in the curved cells of the old mesh."""
+        return self.locator.find_curved(self.points, self.located)
+
+    def linear(self, values: np.ndarray) -> np.ndarray:
+        """Values at the points of a field that is linear between vertices, bounded: (n[, k]) old nodes to (p[, k]).
+
+        u(x) = sum_i l_i [u_i + (2/3) g_i (x - x_i) + (1/6) (x - x_i) H_i (x - x_i)] with the barycentric coordinates l,
+        the vertices x_i, and the slopes g_i and curvatures H_i of the cubics fitted there (``vertex_fits``): exact for
+        cubic fields, as far as those are, where plain linear interpolation flattens every peak. The result is cut to the
+        range of the vertices of the cell and of their neighbours: nothing falls below the least or rises above the
+        greatest value near by; and above the vertices of its cell only by as much as these stand out from the least.
+
+        Only the values at vertices are read.
+        """
+        mesh, found = self.locator, self.located
+        old = np.asarray(values, float).reshape(len(mesh.x), -1)
+        corners = mesh.vertices[found.cells]
+        place = np.einsum("pi,pij->pj", found.barycentric, mesh.x[corners])
+        away, outside = place[:, None] - mesh.x[corners], (self.points - place)[:, None]
+        # under a curved side; a point farther out than its cell is large takes the value at the nearest place
+        outside[found.distance > np.linalg.norm(away, axis=2).max(axis=1)] = 0.0
+        out = np.empty((len(self.points), old.shape[1]))
+        for k, column in enumerate(old.T):
+            fitted = self._fits.of(column)
+            slopes, curvatures = fitted.slopes[corners], fitted.curvatures[corners]
+            beside = (fitted.values[corners] + np.einsum("pij,pij->pi", slopes, 2 / 3 * away + outside)
+                      + np.einsum("pij,pijk,pik->pi", away, curvatures, away) / 6)
+            guess = np.einsum("pi,pi->p", found.barycentric, beside)
+            out[:, k] = np.clip(guess, *self._limits(column, corners))
+        return out.reshape((len(self.points),) + np.shape(values)[1:])
+
+    def quadratic(self, values: np.ndarray) -> np.ndarray:
+        """Values at the points by the quadratic shapes of the curved cells: (n[, k]) old nodes to (p[, k]).
+
+        For velocities and displacements, which have values of their own at mid-nodes; not bounded.
+        """
+        mesh, found = self.locator, self.curved
+        shapes = quadratic_shapes(found.barycentric, mesh.dim)
+        return np.einsum("pa,pa...->p...", shapes, np.asarray(values, float)[mesh.cells[found.cells]])
+
+    # ------------------------------------------------------------------ slopes and limits
+    @cached_property
+    def _fits(self) -> VertexFits:
+        return VertexFits(self.locator)
+
+    @cached_property
+    def _vertex_rows(self):
+        """The cells' vertices sorted by node: order of the flattened vertices, first place and number of every node."""
+        flat = self.locator.vertices.ravel()
+        order = np.argsort(flat, kind="stable")
+        nodes, first = np.unique(flat[order], return_index=True)
+        return order, nodes, first
+
+    def _limits(self, column, corners):
+        """Least and greatest value that may be found in the cells of the points, (p,) twice."""
+        lowest, highest = self._range(column)
+        least, most = column[corners].min(axis=1), column[corners].max(axis=1)
+        lowest, highest = lowest[corners].min(axis=1), highest[corners].max(axis=1)
+        # where all of a cell is as low as its neighbourhood, as beside a jump, nothing in it is higher than its vertices
+        return np.maximum(lowest, 2 * least - highest), np.minimum(highest, 2 * most - lowest)
+
+    def _range(self, column):
+        """Least and greatest value at the vertices of the cells around every vertex, (n,) twice."""
+        mesh = self.locator
+        order, nodes, first = self._vertex_rows
+        around = column[mesh.vertices]
+        lowest, highest = column.copy(), column.copy()
+        lowest[nodes] = np.minimum.reduceat(np.repeat(around.min(axis=1), mesh.dim + 1)[order], first)
+        highest[nodes] = np.maximum.reduceat(np.repeat(around.max(axis=1), mesh.dim + 1)[order], first)
+        return lowest, highest
+
+
+def conservation(old, new, fields: dict[str, tuple[np.ndarray, np.ndarray]], *, axisymmetric: bool = False
+                 ) -> dict[str, float]:
+    """Relative change of the integral of each transferred field, by name.
+
+    (I_new - I_old) / J with I = ∫ u w dV, J = ∫ |u| w dV over the old body, w = 2 pi r in axisymmetry, else 1; of a
+    vector the length of the change; 0 for a field that was 0 everywhere.
+
+    Parameters
+    ----------
+    old, new : bodies with ``x`` (n, dim), mm, and ``cells`` (m, 6 | 10)
+    fields : name → (values at the old nodes, values at the new nodes), mid-nodes included, (n[, k])
+    """
+    before, after = _measure(old, axisymmetric), _measure(new, axisymmetric)
+    report = {}
+    for name, (at_old, at_new) in fields.items():
+        at_old, at_new = _at_points(old, at_old), _at_points(new, at_new)
+        size = np.einsum("cq,cq->", np.linalg.norm(at_old, axis=2), before)
+        change = np.einsum("cqk,cq->k", at_new, after) - np.einsum("cqk,cq->k", at_old, before)
+        change = change[0] if len(change) == 1 else np.linalg.norm(change)
+        report[name] = float(change / size) if size > 0 else 0.0
+    return report
+
+
+def integral(body, values: np.ndarray, *, axisymmetric: bool = False) -> float:
+    """∫ u w dV of a nodal field (n,) over the curved cells; w = 2 pi r in axisymmetry, else 1."""
+    return float(np.einsum("cqk,cq->", _at_points(body, values), _measure(body, axisymmetric)))
+
+
+def _points(dim):
+    """Quadrature of positive weights: barycentric coordinates (q, dim + 1) and weights (q,)."""
+    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim]
+    points, weights = basix.make_quadrature(kind, INTEGRAND_DEGREE)
+    return np.concatenate([1.0 - points.sum(axis=1, keepdims=True), points], axis=1), weights
+
+
+def _measure(body, axisymmetric):
+    """Weights of the quadrature points in the body, (m, q), mm² or mm³."""
+    dim = body.x.shape[1]
+    inner, weights = _points(dim)
+    x = body.x[body.cells]
+    by_coordinate = slopes(inner, dim)
+    tangents = np.tensordot(by_coordinate[..., 1:] - by_coordinate[..., :1], x, (1, 1))     # q, k, m, component
+    measure = weights * np.abs(_volumes(np.moveaxis(tangents, 3, 0))).T
+    if axisymmetric:
+        measure *= 2 * np.pi * (x[:, :, 0] @ quadratic_shapes(inner, dim).T)
+    return measure
+
+
+def _volumes(tangents):
+    """Determinants (q, m) of the tangents (component, q, k, m); `numpy.linalg.det` takes them one by one."""
+    if len(tangents) == 2:
+        (a, b), (c, d) = np.moveaxis(tangents, 2, 1)
+        return a * d - b * c
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(tangents, 2, 1)
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+
+
+def _at_points(body, values):
+    """Values (n[, k]) at the quadrature points, (m, q, k)."""
+    shapes = quadratic_shapes(_points(body.x.shape[1])[0], body.x.shape[1])
+    return np.matmul(shapes, np.asarray(values, float).reshape(len(body.x), -1)[body.cells])
