@@ -128,7 +128,7 @@ def check_laws(scene: Scene, results) -> None:
         assert history.column("max_temperature_degC").max() < hottest
     energy = [history.column(name) for name in history.columns if name.startswith("energy_upper")]
     for left in energy:
-        assert (np.diff(left) <= 1e-7 * left[0]).all() and left[-1] > -1e-3 * left[0], "a ram is only ever braked"
+        assert (np.diff(left) <= 1e-9 * left[0]).all() and left[-1] > -1e-3 * left[0], "a ram is only ever braked"
 
 
 def outcome(values: dict) -> str:
