@@ -23,6 +23,9 @@ def main(arguments: list[str] | None = None) -> int:
         return _say_on_one_rank(f"the run failed: {error}", FAILED)
     except FormingError as error:
         return _say_on_one_rank(f"error: {error}", BAD_SCENE)
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough: the code that shells give then
+        sys.stdout = None
+        return 141
     except KeyboardInterrupt:
         return _say_on_one_rank("interrupted; what was computed is on disk, go on with --resume", 130)
 

@@ -159,3 +159,9 @@ def test_plot_of_a_field_that_is_not_there(folder, here):
 def test_plot_of_an_empty_folder(tmp_path, here):
     code, _, err = here("plot", tmp_path)
     assert code == 2 and "holds no results" in err
+
+
+def test_a_reader_that_has_seen_enough_ends_the_command_without_words():
+    done = subprocess.run(f"{sys.executable} -m fenics_forming materials copper_ofhc_warm | head -1", shell=True,
+                          capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith("copper_ofhc_warm") and done.stderr == ""

@@ -116,6 +116,17 @@ def library(name=None):
     return _entry(name)
 
 
+def _short(value):
+    """A value as it is written; of a large table, how much there is of it."""
+    if not isinstance(value, list) or len(str(value)) < 400:
+        return value
+    sizes, inner = [], value
+    while isinstance(inner, list):
+        sizes.append(str(len(inner)))
+        inner = inner[0]
+    return f"{' x '.join(sizes)} values in the file"
+
+
 def _page(entry):
     import textwrap
 
@@ -123,7 +134,7 @@ def _page(entry):
     yield f"  {entry.condition}" + ("; generic, nobody's measurement" if entry.generic else "")
     yield from textwrap.wrap(entry.note, 78, initial_indent="  ", subsequent_indent="  ")
     for key, value in entry.material.items():
-        words = ", ".join(f"{k} = {v}" for k, v in value.items()) if isinstance(value, dict) else value
+        words = ", ".join(f"{k} = {_short(v)}" for k, v in value.items()) if isinstance(value, dict) else value
         yield from textwrap.wrap(f"{key} = {words}", 78, initial_indent="    ", subsequent_indent="      ")
     for key, unit in (("strain", ""), ("rate", " 1/s"), ("temperature", " degC")):
         if (between := getattr(entry.valid, key)) is not None:
