@@ -93,8 +93,49 @@ def test_motions_of_groups_are_the_galerkin_product_and_hold_those_of_a_rigid_bo
     moved = turning + np.cross(w / groups._size, groups._middles)
     of_groups = np.concatenate([moved, np.tile(w, (groups.count, 1))], axis=1)
     np.testing.assert_allclose(groups.prolonged(of_groups.ravel()), motion * coarse.block.free, atol=1e-12)
-    at_all = (groups._operator() @ of_groups.ravel()).reshape(-1, 3)[coarse.everywhere.numbers]
+    at_all = (groups.operator() @ of_groups.ravel()).reshape(-1, 3)[coarse.everywhere.numbers]
     np.testing.assert_allclose(at_all, motion * coarse.block.free, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def stacked():
+    """Two cubes on one another that slide, with curved surfaces, in the middle of a solve."""
+    box = lambda low, size: scene.Workpiece(  # noqa: E731
+        shape=scene.Box(from_=(0, 0, low), to=(2, 2, low + 1.5)), material="m", mesh_size=size, symmetry=["x", "y"])
+    both = scene.Scene(
+        geometry="3d", materials={"m": scene.Material(flow_stress=laws.Linear(initial=100, hardening=50))},
+        workpieces={"low": box(0, 0.8), "high": box(1.5, 0.7)}, solver=scene.Solver(linear="iterative"),
+        contacts=[scene.Contact(between=("low", "high"), friction=laws.Siebel(factor=0.3))],
+        tools={"plate": scene.Tool(shape=scene.Plane(point=(0, 0, 3), normal=(0, 0, -1)),
+                                   drive=laws.SpeedDrive(velocity=(0, 0, -1)))},
+        steps=scene.Steps(stroke=0.1), stop=scene.Stop(stroke=0.2))
+    body = Simulation(both).body
+    x = body.x
+    x[:, 2] += 0.02 * np.sin(2 * x[:, 0] + 1) * (x[:, 2] * (x[:, 2] - 3) != 0)
+    body.solve(0.0, body.new_history(), 0.1)
+    system = body.solver.system.iterative
+    system.follow()
+    system.assemble()
+    system.coarse.prepare()
+    system.block.prepare_smoother()
+    return body, system
+
+
+def test_contact_between_bodies_on_vertices_and_groups_is_the_galerkin_product(stacked):
+    body, system = stacked
+    contact, = body.interfaces.contacts
+    assert contact.rows.blocks.shape[1] == 3 and contact.state.active.any() and np.abs(contact.traction).max() > 0
+    x = np.random.default_rng(1).standard_normal((len(system._vertex_nodes), 3)) * system.coarse.block.free
+    on_vertices = system.coarse.block.free_times(x, np.empty_like(x))
+    fine = system.levels.prolonged(x) * system.block.free
+    through = system.levels.restricted(system.block.free_times(fine, np.empty_like(fine))) * system.coarse.block.free
+    np.testing.assert_allclose(through, on_vertices, rtol=0, atol=1e-11 * np.abs(on_vertices).max())
+    groups = system.coarse.groups
+    motions = np.random.default_rng(2).standard_normal(6 * groups.count) * (groups._scale > 0)
+    forces = groups.restricted(system.coarse.block.free_times(v := groups.prolonged(motions), np.empty_like(v)))
+    lower, scale = np.tril(groups._factor[0]), groups._scale
+    found = lower @ (lower.T @ np.divide(motions, scale, out=0 * scale, where=scale > 0))
+    np.testing.assert_allclose(found, scale * forces, rtol=0, atol=1e-8 * np.abs(found).max())
 
 
 def test_groups_are_connected_and_do_not_cross_bodies():

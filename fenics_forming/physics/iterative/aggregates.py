@@ -66,6 +66,40 @@ def blended(groups: np.ndarray, graph: sparse.csr_matrix, passes: int) -> sparse
     return weights
 
 
+class _Pairs:
+    """The pairs of groups that meet in pairs of vertices.
+
+    Parameters
+    ----------
+    comm : of ranks with vertices of their own; None where all have the same
+    weights : (vertices, groups) · starts, columns : of the pairs of vertices, row by row
+
+    Attributes
+    ----------
+    first, second : (pairs,) · turned : (pairs,) of each, the pair the other way round
+    """
+
+    def __init__(self, comm, weights: sparse.csr_matrix, starts: np.ndarray, columns: np.ndarray):
+        count = weights.shape[1]
+        self._starts, self._which, self._weights = weights.indptr.astype(np.int32), weights.indices, weights.data
+        rows = sparse.csr_matrix((np.ones(weights.nnz, np.int32), weights.indices, weights.indptr), weights.shape)
+        pairs = sparse.csr_matrix((np.ones(len(columns), np.int32), columns, starts), 2 * (weights.shape[0],))
+        met = (rows.T @ (pairs @ rows) + rows.T @ rows).tocoo()
+        keys = np.unique(np.concatenate([met.row * np.int64(count) + met.col, met.col * np.int64(count) + met.row]))
+        if comm is not None:
+            keys = np.unique(np.concatenate(comm.allgather(keys)))
+        self.first, self.second = np.divmod(keys, count)
+        self._place = np.full((count, count), -1, np.int32)
+        self._place[self.first, self.second] = np.arange(len(keys))
+        self.turned = self._place[self.second, self.first]
+
+    def galerkin(self, starts, columns, diagonal, upper, free, x) -> np.ndarray:
+        """Half of the Galerkin product, (pairs, 36), of the motions of groups about the origin."""
+        blocks = np.zeros((len(self.first), 36))
+        _galerkin(starts, columns, diagonal, upper, free, x, self._starts, self._which, self._weights, self._place, blocks)
+        return blocks
+
+
 class RigidGroups:
     """The Galerkin product of a matrix over vertices on the motions of groups, and its solution on every rank.
 
@@ -80,16 +114,9 @@ class RigidGroups:
         self.count, self._block, self._middles, self._size = len(middles), block, middles, size
         self._everywhere, self._of_all, weights = everywhere, weights, weights[everywhere.numbers]
         self._starts, self._which, self._weights = weights.indptr.astype(np.int32), weights.indices, weights.data
-        rows = sparse.csr_matrix((np.ones(weights.nnz, np.int32), weights.indices, weights.indptr), weights.shape)
         p = block.pattern
-        pairs = sparse.csr_matrix((np.ones(len(p.columns), np.int32), p.columns, p.starts), 2 * (weights.shape[0],))
-        met = (rows.T @ (pairs @ rows) + rows.T @ rows).tocoo()
-        keys = np.concatenate([met.row * np.int64(self.count) + met.col, met.col * np.int64(self.count) + met.row])
-        keys = np.unique(np.concatenate(block.shared.comm.allgather(np.unique(keys))))
-        self._first, self._second = np.divmod(keys, self.count)
-        self._place = np.full((self.count, self.count), -1, np.int32)
-        self._place[self._first, self._second] = np.arange(len(keys))
-        self._turned = self._place[self._second, self._first]
+        self._pairs = _Pairs(block.shared.comm, weights, p.starts, p.columns)
+        self._further: tuple = (None, None)
 
     def prepare(self, x: np.ndarray) -> None:
         """Make the Galerkin product for vertices at x (vertices, 3) and factorise it. Collective.
@@ -99,29 +126,32 @@ class RigidGroups:
         ConvergenceError
             where the matrix is not positive: velocities of the iteration are beyond all measure.
         """
-        self._x, block, n = x, self._block, 6 * self.count
-        blocks = np.zeros((len(self._first), 36))
-        _galerkin(block.pattern.starts, block.pattern.columns, block.diagonal, block.upper, block.free, x / self._size,
-                  self._starts, self._which, self._weights, self._place, blocks)
-        blocks = total(block.shared.comm, blocks).reshape(-1, 6, 6)
-        matrix = np.zeros((self.count, 6, self.count, 6))
-        matrix[self._first, :, self._second, :] = self._about_middles(blocks + blocks[self._turned].swapaxes(1, 2))
-        matrix = matrix.reshape(n, n)
+        self._x, block, n, p = x, self._block, 6 * self.count, self._block.pattern
+        blocks = self._pairs.galerkin(p.starts, p.columns, block.diagonal, block.upper, block.free, x / self._size)
+        matrix = np.zeros((n, n))
+        self._add(matrix, self._pairs, total(block.shared.comm, blocks))
         for other in block.others:
-            matrix += other.on_groups(self._operator())
+            other.add_on_groups(self, matrix)
         self._factorise(matrix)
 
-    def _about_middles(self, blocks: np.ndarray) -> np.ndarray:
-        """Blocks of motions about the origin → of motions about the middles of the groups."""
-        shift = np.zeros((self.count, 6, 6))
-        shift[:] = np.eye(6)
-        a = self._middles / self._size
-        for k in range(3):      # u + w x (x - X) is a motion about the origin with u - w x X = u + X x w
-            i, j = (k + 1) % 3, (k + 2) % 3
-            shift[:, i, 3 + j], shift[:, j, 3 + i] = -a[:, k], a[:, k]
-        return shift[self._first].swapaxes(1, 2) @ blocks @ shift[self._second]
+    def add_galerkin(self, matrix: np.ndarray, vertices: np.ndarray, starts, columns, diagonal, upper) -> None:
+        """Add the Galerkin product of a further matrix, which all ranks know, over some ``vertices`` (n,) of the common
+        order to ``matrix`` (6 · groups, 6 · groups): given by its upper half as in ``velocity_block``, with pairs of
+        vertices that no cell joins. Collective."""
+        whole, block = self._everywhere, self._block
+        known, pairs = self._further
+        if known is not columns:
+            pairs = _Pairs(None, self._of_all[vertices], starts, columns)
+            self._further = columns, pairs
+        free, x = whole.gather(block.free)[vertices], whole.gather(self._x)[vertices]
+        self._add(matrix, pairs, pairs.galerkin(starts, columns, diagonal, upper, free, x / self._size))
 
-    def _operator(self) -> sparse.csr_matrix:
+    def _add(self, matrix: np.ndarray, pairs: _Pairs, half: np.ndarray) -> None:
+        """Add half of a Galerkin product, blocks (pairs, 36), and its transpose to ``matrix``."""
+        _add_about_middles(pairs.first, pairs.second, pairs.turned, half, self._middles / self._size,
+                           matrix.reshape(self.count, 6, self.count, 6))
+
+    def operator(self) -> sparse.csr_matrix:
         """Velocities of all vertices in the common order by the motions, (3 · all vertices, 6 · groups). Collective."""
         w, whole = self._of_all.tocoo(), self._everywhere
         arm = (whole.gather(self._x)[w.row] - self._middles[w.col]) / self._size
@@ -218,6 +248,33 @@ def _galerkin(starts, columns, diagonal, upper, free, x, first, which, weights, 
                 w, out = weights[a], blocks[place[which[a], B]]
                 for m in range(36):
                     out[m] += w * local[m]
+
+
+@compiled
+def _add_about_middles(first, second, turned, half, middles, matrix):
+    """Add half of a product, (pairs, 36), and its transpose to ``matrix`` (groups, 6, groups, 6), turned from motions about
+    the origin into those about the middles: u + w x (x - X) is a motion about the origin with u + X x w."""
+    block = np.empty((6, 6))
+    for p in range(len(first)):
+        A, B = first[p], second[p]
+        a0, a1, a2 = middles[A]
+        b0, b1, b2 = middles[B]
+        for i in range(6):
+            for j in range(6):
+                block[i, j] = half[p, 6 * i + j] + half[turned[p], 6 * j + i]
+            c0, c1, c2 = block[i, 0], block[i, 1], block[i, 2]
+            block[i, 3] += c1 * b2 - c2 * b1
+            block[i, 4] += c2 * b0 - c0 * b2
+            block[i, 5] += c0 * b1 - c1 * b0
+        out = matrix[A, :, B]
+        for j in range(6):
+            c0, c1, c2 = block[0, j], block[1, j], block[2, j]
+            out[0, j] += c0
+            out[1, j] += c1
+            out[2, j] += c2
+            out[3, j] += block[3, j] + c1 * a2 - c2 * a1
+            out[4, j] += block[4, j] + c2 * a0 - c0 * a2
+            out[5, j] += block[5, j] + c0 * a1 - c1 * a0
 
 
 @compiled

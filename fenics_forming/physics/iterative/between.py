@@ -14,6 +14,7 @@ from ..workpiece import Workpiece
 from .carried import CarriedProducts
 from .everywhere import Everywhere
 from .sharing import Shared
+from .upper_half import BlockRows
 
 
 @dataclass
@@ -21,7 +22,7 @@ class _Made:
     """An operator, the same on the vertices, and its products on one rank."""
 
     operator: PETSc.Mat
-    vertices: sparse.csr_matrix
+    vertices: BlockRows
     products: CarriedProducts | None
 
 
@@ -110,7 +111,9 @@ class BetweenBodies:
         if known is None or known.operator is not contact.G:
             on_vertices = contact.G.matMult(self._linear)
             starts, columns, values = on_vertices.getValuesCSR()
-            vertices = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1]))
+            every = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1])).tobsr((3, 3))
+            every.sort_indices()
+            vertices = BlockRows(every.indptr, every.indices, every.data)
             on_vertices.destroy()
             products = CarriedProducts(contact.rows, self._node_of[contact.unknowns[:, 0]], contact.free) if self._alone \
                 else None
@@ -120,16 +123,6 @@ class BetweenBodies:
     def _first(self) -> int:
         return self._x.getOwnershipRange()[0]
 
-    def vertex_blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same on the vertices: numbers of rows and columns in the common order (m,), and blocks (m, 9); all that this
-        rank's carriers give. Collective."""
-        start, parts = process_time(), []
-        for contact in self._interfaces.contacts:
-            G = self._made_of(contact).vertices
-            weighted = contact.weighted_tangent()
-            T = sparse.bsr_matrix((weighted, np.arange(len(weighted)), np.arange(len(weighted) + 1)), 2 * (G.shape[0],))
-            K = (G.T @ (T.tocsr() @ G)).tobsr((3, 3))
-            parts.append((np.repeat(np.arange(len(K.indptr) - 1), np.diff(K.indptr)), K.indices, K.data.reshape(-1, 9)))
-        self._interfaces.book(process_time() - start)
-        rows, columns, blocks = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return rows.astype(np.int64), columns.astype(np.int64), blocks
+    def vertex_rows(self) -> list[BlockRows]:
+        """The operators on the vertices in the common order, contact by contact, of this rank's carriers. Collective."""
+        return [self._made_of(contact).vertices for contact in self._interfaces.contacts]

@@ -52,10 +52,10 @@ class InSeries:
             self.prepare()
         blocks[self._near] -= self._diagonal.reshape(-1, 9)
 
-    def on_groups(self, operator: sparse.csr_matrix) -> np.ndarray:
-        """The Galerkin product (m, m) with an ``operator`` (3 · all vertices, m) in the common order."""
-        reached = (operator.T @ self._of_all).toarray()
-        return -reached @ self._inverse @ reached.T
+    def add_on_groups(self, groups, matrix: np.ndarray) -> None:
+        """Add the Galerkin product on the motions of ``aggregates.RigidGroups`` to their ``matrix`` (m, m). Collective."""
+        reached = (groups.operator().T @ self._of_all).toarray()
+        matrix -= reached @ self._inverse @ reached.T
 
 
 class Eliminated:

@@ -55,14 +55,6 @@ class Everywhere:
         rows, columns = np.divmod(np.unique(keys), self.count)
         return sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), 2 * (self.count,))
 
-    def sum_of(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Further blocks (m, 9) of all ranks, those at the same place added up: row · count + column, and the sums."""
-        parts = self.comm.allgather((rows * self.count + columns, blocks))
-        keys, at = np.unique(np.concatenate([keys for keys, _ in parts]), return_inverse=True)
-        every = np.concatenate([blocks for _, blocks in parts])
-        sums = np.stack([np.bincount(at, every[:, k], len(keys)) for k in range(9)], axis=1)
-        return keys, sums
-
     def gather(self, values: np.ndarray) -> np.ndarray:
         """Values of the owned vertices of all ranks, (count[, k]), in the common order."""
         out = np.empty((self.count, *values.shape[1:]))
