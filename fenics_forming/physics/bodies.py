@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from ..errors import MeshError
 from ..scene import Scene
-from . import meshing
+from . import gmsh_arrays, meshing
 from .grading import CORNER_REACH, CORNER_SIZE, EDGE_GROWTH, GROWTH
 from .parallel import total
 
@@ -218,10 +218,10 @@ def import_cad(gmsh, path, scale, dim) -> float:
 def read_msh(path, scale, dim, comm):
     """Mesh of order 2 from a file of gmsh, and the mean length of its edges, mm."""
     def make():
-        with meshing.gmsh_model() as gmsh:
+        with gmsh_arrays.gmsh_model() as gmsh:
             gmsh.merge(path)
             gmsh.model.mesh.setOrder(2)
-            x, cells = meshing.split_corner_cells(*meshing.arrays(gmsh, dim), dim)
+            x, cells = gmsh_arrays.split_corner_cells(*gmsh_arrays.arrays(gmsh, dim), dim)
             return scale * x, cells
 
     mesh = meshing.distributed(make, dim, comm)

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import MeshError, SceneError
 from .bodies import import_cad
 from .file_surfaces import quarters
-from .meshing import gmsh_model
+from .gmsh_arrays import gmsh_model
 from .parallel import on_first_rank
 
 AROUND = 36         # sides on a full turn, each of them in two pieces: they lie 0.1 % of the radius off

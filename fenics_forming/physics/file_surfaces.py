@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import SceneError
-from .meshing import exterior_facets
+from .facets import exterior_facets
 from .nodes import Nodes, quadratic_shapes
 from .parallel import everywhere
 from .solid_mesh import facing_points, solid_mesh

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-
 import basix.ufl
 import numpy as np
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from dolfinx.io.gmshio import cell_perm_array
 from mpi4py import MPI
 
 from ..errors import MeshError
-from .nodes import EDGES, QUADRATURE_DEGREE, quadratic_shapes
+from .facets import boundary_facets, exterior_facets
+from .gmsh_arrays import NODES, gmsh_model, sound_arrays, split_corner_cells
+
+__all__ = ["boundary_facets", "box", "distributed", "exterior_facets", "from_arrays", "generate", "order_two", "polygon",
+           "rectangle"]
 
 
 def order_two(mesh: dmesh.Mesh) -> dmesh.Mesh:
@@ -43,24 +44,6 @@ def box(low, high, divisions, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """A regular mesh of order 2 on a box: ``divisions`` (nx, ny, nz) cubes, each cut into six tetrahedra."""
     return order_two(dmesh.create_box(comm, [np.asarray(low, float), np.asarray(high, float)], list(divisions),
                                       dmesh.CellType.tetrahedron))
-
-
-@contextmanager
-def gmsh_model():
-    """A fresh, silent gmsh model (rank 0 only)."""
-    import gmsh
-
-    fresh = not gmsh.isInitialized()
-    if fresh:
-        gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("fenics_forming")
-    try:
-        yield gmsh
-    finally:
-        gmsh.model.remove()
-        if fresh:
-            gmsh.finalize()
 
 
 def polygon(points, size: float, *, corners=(), corner_size: float | None = None, growth: float = 0.2,
@@ -118,7 +101,7 @@ def generate(build, dim: int, size: float | None, *, corners=(), corner_size: fl
 
 def distributed(make, dim: int, comm) -> dmesh.Mesh:
     """The mesh of the arrays (positions, cells in basix order) that ``make()`` returns on rank 0."""
-    problem, x, cells = None, np.empty((0, dim)), np.empty((0, _NODES[dim]), np.int64)
+    problem, x, cells = None, np.empty((0, dim)), np.empty((0, NODES[dim]), np.int64)
     if comm.rank == 0:
         try:
             x, cells = make()
@@ -135,101 +118,6 @@ def from_arrays(x: np.ndarray, cells: np.ndarray, comm=MPI.COMM_WORLD) -> dmesh.
     dim = x.shape[1]
     element = basix.ufl.element("Lagrange", {2: "triangle", 3: "tetrahedron"}[dim], 2, shape=(dim,))
     return dmesh.create_mesh(comm, cells.astype(np.int64), x, element)
-
-
-_NODES = {2: 6, 3: 10}
-_GMSH_TYPE = {2: 9, 3: 11}
-
-
-def arrays(gmsh, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, dim) and quadratic cells (m, 6 or 10), in basix order, of the model."""
-    tags, x, _ = gmsh.model.mesh.getNodes()
-    _, rows = gmsh.model.mesh.getElementsByType(_GMSH_TYPE[dim])
-    if len(rows) == 0:
-        raise MeshError(f"it has no {'triangles' if dim == 2 else 'tetrahedra'}")
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    cells = number[rows.astype(np.int64)].reshape(-1, _NODES[dim])
-    kind = dmesh.CellType.triangle if dim == 2 else dmesh.CellType.tetrahedron
-    cells = cells[:, cell_perm_array(kind, _NODES[dim])]
-    used, cells = np.unique(cells, return_inverse=True)
-    return x.reshape(-1, 3)[used, :dim], cells.reshape(-1, _NODES[dim])
-
-
-def sound_arrays(gmsh, dim: int, split) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh of the model raised to order 2, cells with several sides on the boundary split (see `split_corner_cells`).
-
-    A cell with a side on a surface that is curved more than the cell is large may be turned inside out by it. Then gmsh is
-    asked to move the nodes inside.
-
-    Raises
-    ------
-    MeshError
-        if that does not help.
-    """
-    gmsh.model.mesh.setOrder(2)
-    x, cells = split(*arrays(gmsh, dim), dim)
-    if inverted_cells(x, cells).any():
-        gmsh.model.mesh.optimize("HighOrder")
-        x, cells = split(*arrays(gmsh, dim), dim)
-        inverted = int(inverted_cells(x, cells).sum())
-        if inverted:
-            raise MeshError(f"{inverted} of {len(cells)} cells are turned inside out by the curved surface beside them; a "
-                            "smaller mesh_size follows it")
-    return x, cells
-
-
-def inverted_cells(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Whether the map of each cell of order 2 loses its orientation at an integration point of the flow, (cells,).
-
-    At a vertex it may be singular: two sides of a cell on one smooth curve meet there at 180 degrees.
-    """
-    dim = x.shape[1]
-    kind = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron
-    points, _ = basix.make_quadrature(kind, QUADRATURE_DEGREE[dim])
-    element = basix.create_element(basix.ElementFamily.P, kind, 2, basix.LagrangeVariant.gll_warped)
-    gradients = element.tabulate(1, points)[1:, :, :, 0]
-    det = np.linalg.det(np.einsum("kpa,cad->cpkd", gradients, x[cells]))
-    corners = x[cells[:, : dim + 1]]
-    return (det * np.linalg.det(corners[:, 1:] - corners[:, :1])[:, None] <= 0).any(axis=1)
-
-
-def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cut every cell that has more than one side on the boundary into one cell per side, at its centre.
-
-    Where a side of the body folds down onto a tool, such a cell would be pressed flat.
-    """
-    corners = cells[:, : dim + 1]
-    sides = np.sort(np.stack([np.delete(corners, i, axis=1) for i in range(dim + 1)], axis=1), axis=2)
-    _, inverse, counts = np.unique(sides.reshape(-1, dim), axis=0, return_inverse=True, return_counts=True)
-    exterior = (counts[inverse.ravel()] == 1).reshape(-1, dim + 1)
-    cut = exterior.sum(axis=1) > 1
-    if not cut.any():
-        return x, cells
-    old = cells[cut]
-    # the new nodes lie where the quadratic map of the old cell takes them, so that its Jacobian is theirs:
-    # straight spokes would invert the cells behind a curved side
-    middle_of = np.full((1, dim + 1), 1 / (dim + 1))
-    placed = np.einsum("pa,kad->kpd", quadratic_shapes(np.concatenate(
-        [middle_of, 0.5 * (np.eye(dim + 1) + middle_of)]), dim), x[old])
-    centre, spokes = placed[:, 0], placed[:, 1:]
-    first = len(x)
-    k = len(old)
-    centre_number = first + np.arange(k)
-    spoke_number = first + k + np.arange(k * (dim + 1)).reshape(k, dim + 1)
-    x = np.concatenate([x, centre, spokes.reshape(-1, dim)])
-    edges = EDGES[dim]
-    middle = {frozenset(e): old[:, dim + 1 + i] for i, e in enumerate(edges)}
-    new = []
-    for side in range(dim + 1):      # the vertex opposite to the side is replaced by the centre
-        def number(edge, side=side):
-            if side in edge:
-                other = edge[0] if edge[1] == side else edge[1]
-                return spoke_number[:, other]
-            return middle[frozenset(edge)]
-        columns = [centre_number if v == side else old[:, v] for v in range(dim + 1)] + [number(e) for e in edges]
-        new.append(np.stack(columns, axis=1))
-    return x, np.concatenate([cells[~cut], *new])
 
 
 def _improved(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
@@ -256,17 +144,3 @@ def _sizes(gmsh, size, corners, corner_size, growth):
 
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     gmsh.model.mesh.setSizeCallback(callback)
-
-
-def boundary_facets(mesh: dmesh.Mesh, where) -> np.ndarray:
-    """Owned exterior facets of which every vertex satisfies ``where(x)`` (x is (3, n), as in dolfinx)."""
-    dim = mesh.topology.dim
-    facets = dmesh.locate_entities_boundary(mesh, dim - 1, where)
-    return facets[facets < mesh.topology.index_map(dim - 1).size_local]
-
-
-def exterior_facets(mesh: dmesh.Mesh) -> np.ndarray:
-    """All owned exterior facets."""
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
-    return dmesh.exterior_facet_indices(mesh.topology)

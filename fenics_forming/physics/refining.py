@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .meshing import arrays
+from .gmsh_arrays import arrays
 from .remeshing.body_arrays import BodyArrays
 
 PASSES = 6

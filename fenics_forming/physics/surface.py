@@ -11,9 +11,9 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
+from .facets import exterior_facets
 from .kinematics import Kinematics
 from .locating import by_coordinate
-from .meshing import exterior_facets
 from .nodes import EDGES, Nodes, quadratic_shapes
 from .parallel import total
 

@@ -11,8 +11,8 @@ from ..physics.conditions import FixedVelocity
 from ..physics.contact.facets import ContactFacets
 from ..physics.contact.interfaces import Pair, side_length
 from ..physics.contact.rigid import KnownTool, RigidContact
+from ..physics.facets import exterior_facets
 from ..physics.kinematics import KINDS
-from ..physics.meshing import exterior_facets
 from ..physics.nodes import Nodes
 from ..physics.parallel import highest, lowest, total
 from ..physics.parts import DamageByRow, Parts

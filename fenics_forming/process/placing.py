@@ -9,8 +9,8 @@ from ..errors import MeshError
 from ..physics.conditions import FixedVelocity, facet_nodes
 from ..physics.contact.facets import ContactFacets
 from ..physics.contact.rigid import KnownTool, RigidContact
+from ..physics.facets import boundary_facets, exterior_facets
 from ..physics.kinematics import KINDS
-from ..physics.meshing import boundary_facets, exterior_facets
 from ..physics.nodes import Nodes
 from ..physics.parallel import total
 from ..physics.settings import NewtonSettings

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fenics_forming import simulate
-from fenics_forming.physics.meshing import gmsh_model
+from fenics_forming.physics.gmsh_arrays import gmsh_model
 from fenics_forming.scene import Scene
 
 CLOSE = {2: 1e-9, 3: 1e-4}     # of a force: rounding; in space what it grows to within the tolerance of Newton, 2e-3

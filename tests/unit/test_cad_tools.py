@@ -6,7 +6,7 @@ import pytest
 from fenics_forming import Scene, Simulation, check, simulate
 from fenics_forming.errors import SceneError
 from fenics_forming.physics.contact.triangulated import Triangulated
-from fenics_forming.physics.meshing import gmsh_model
+from fenics_forming.physics.gmsh_arrays import gmsh_model
 from fenics_forming.physics.tools import known_tools
 
 

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from fenics_forming import kinematics, laws, meshing, scene
 from fenics_forming.errors import MeshError
+from fenics_forming.physics import gmsh_arrays
 from fenics_forming.physics.bodies import automatic_size, body_mesh
 from fenics_forming.physics.grading import CORNER_SIZE
 from fenics_forming.physics.nodes import Nodes
@@ -158,7 +159,7 @@ def test_same_scene_gives_the_same_mesh(name):
 @pytest.fixture
 def files(tmp_path):
     """A box 2 x 3 x 4 with a bore of radius 0.5, as step, brep and msh; a rectangle 2 x 3 as msh."""
-    with meshing.gmsh_model() as gmsh:
+    with gmsh_arrays.gmsh_model() as gmsh:
         occ = gmsh.model.occ
         occ.cut([(3, occ.addBox(0, 0, 0, 2, 3, 4))], [(3, occ.addCylinder(1, 1, 0, 0, 0, 4, 0.5))])
         occ.synchronize()
@@ -168,7 +169,7 @@ def files(tmp_path):
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(2)
         gmsh.write(str(tmp_path / "body.msh"))
-    with meshing.gmsh_model() as gmsh:
+    with gmsh_arrays.gmsh_model() as gmsh:
         gmsh.model.occ.addRectangle(0, 0, 0, 2, 3)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
@@ -229,7 +230,7 @@ def test_file_without_a_body_of_the_dimension_is_a_mesh_error(files, name):
 
 
 def test_surface_in_a_cad_file_is_no_body(tmp_path):
-    with meshing.gmsh_model() as gmsh:
+    with gmsh_arrays.gmsh_model() as gmsh:
         gmsh.model.occ.addRectangle(0, 0, 0, 2, 3)
         gmsh.model.occ.synchronize()
         gmsh.write(str(tmp_path / "flat.step"))

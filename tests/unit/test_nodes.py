@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from fenics_forming import meshing
+from fenics_forming.physics import gmsh_arrays
 from fenics_forming.physics.conditions import facet_nodes
 from fenics_forming.physics.nodes import EDGES, Nodes
 
@@ -189,7 +190,7 @@ def test_splitting_corner_cells_keeps_the_body_and_leaves_one_side_each(dim, cur
         nodes.x[:] = quadratic_map(nodes.x)
     x, cells = nodes.x.copy(), np.asarray(nodes.cells)
     assert sides_on_boundary(cells, dim).max() > 1, "the regular mesh has such cells"
-    new_x, new_cells = meshing.split_corner_cells(x, cells, dim)
+    new_x, new_cells = gmsh_arrays.split_corner_cells(x, cells, dim)
     assert sides_on_boundary(new_cells, dim).max() == 1
     split = Nodes(meshing.distributed(lambda: (new_x, new_cells), dim, ALONE))
     assert split.smallest_jacobian() > 0
@@ -215,15 +216,15 @@ def test_splitting_a_cell_with_a_bulging_side_keeps_its_orientation(dim):
         if 0 not in edge:       # the sides of the face opposite to vertex 0 bend towards it
             x[dim + 1 + k] *= 0.72
     cell, split = (Nodes(meshing.distributed(lambda body=body: body, dim, ALONE))
-                   for body in ((x, cells), meshing.split_corner_cells(x, cells, dim)))
+                   for body in ((x, cells), gmsh_arrays.split_corner_cells(x, cells, dim)))
     assert cell.smallest_jacobian() > 0.1, "the cell itself is sound"
     assert len(split.cells) == dim + 1 and split.smallest_jacobian() > 0.1 / (dim + 1)
 
 
 def test_mesh_without_corner_cells_is_left_alone():
     nodes = regular(2, 2)
-    once = meshing.split_corner_cells(nodes.x, np.asarray(nodes.cells), 2)
-    twice = meshing.split_corner_cells(*once, 2)
+    once = gmsh_arrays.split_corner_cells(nodes.x, np.asarray(nodes.cells), 2)
+    twice = gmsh_arrays.split_corner_cells(*once, 2)
     assert twice[0] is once[0] and twice[1] is once[1]
 
 

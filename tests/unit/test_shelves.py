@@ -66,6 +66,22 @@ def test_exceptions_are_still_needed():
         assert words <= {word for word, _, _ in within(path) if LEVEL[word] > LEVEL[shelf(path)]}, name
 
 
+def test_no_two_modules_import_one_another():
+    """Not in a function either, and not over third ones: what stands above may use what is below, never the other way."""
+    names = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
+             for path in FILES}
+    needs = {}
+    for name, path in names.items():
+        found = [module for _, module, _ in within(path)]
+        needs[name] = {module if module in names else module.rpartition(".")[0] for module in found} & set(names) - {name}
+    while free := [name for name, below in needs.items() if not below]:
+        for name in free:
+            del needs[name]
+        for below in needs.values():
+            below.difference_update(free)
+    assert not needs, f"these wait for one another: {sorted(needs)}"
+
+
 HEAVY = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "numba", "pyvista", "matplotlib", "meshio", "rich",
          "scipy"}
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_forming.physics import meshing
+from fenics_forming.physics import gmsh_arrays
 from fenics_forming.physics.locating import Locator
 from fenics_forming.physics.nodes import EDGES
 from fenics_forming.physics.remeshing import BodyArrays, remesh
@@ -41,7 +41,7 @@ def horseshoe():
 
 
 def meshed(dim, size, algorithm, build, sizes=None):
-    with meshing.gmsh_model() as gmsh:
+    with gmsh_arrays.gmsh_model() as gmsh:
         build(gmsh)
         gmsh.model.occ.synchronize()
         if sizes is None:
@@ -53,7 +53,7 @@ def meshed(dim, size, algorithm, build, sizes=None):
         gmsh.option.setNumber("Mesh.Algorithm" if dim == 2 else "Mesh.Algorithm3D", algorithm)
         gmsh.model.mesh.generate(dim)
         gmsh.model.mesh.setOrder(2)
-        x, cells = meshing.arrays(gmsh, dim)
+        x, cells = gmsh_arrays.arrays(gmsh, dim)
     return SimpleNamespace(x=x, cells=cells)
 
 

@@ -1,6 +1,6 @@
 """Triangles with two sides on the boundary, without cutting them where the diagonal can be turned instead.
 
-Cut at its centre, as `meshing.split_corner_cells` does, the triangle of a right corner leaves cells with radius
+Cut at its centre, as `gmsh_arrays.split_corner_cells` does, the triangle of a right corner leaves cells with radius
 ratios near 0.2; the other diagonal of the quadrangle that it forms with its neighbour often leaves better ones.
 """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..meshing import gmsh_model
+from ..gmsh_arrays import gmsh_model
 from . import mmg
 from .gradation import edges_of, over_mesh
 from .resampling import Outline

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..meshing import gmsh_model
+from ..gmsh_arrays import gmsh_model
 from .body_arrays import keys
 from .rounding import on_a_grid, to_seven_digits
 from .straight import Straight, nearest_nodes, volumes

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import MeshError
-from ..meshing import split_corner_cells
+from ..gmsh_arrays import split_corner_cells
 from . import mmg
 from .body_arrays import BodyArrays, Remeshed, boundary_sides, keys
 from .corner_cells import turned

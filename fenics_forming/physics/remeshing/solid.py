@@ -49,7 +49,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
 def improved(body: BodyArrays, corner_angle: float = 40.0) -> Remeshed:
     """The same body with its cells made better: those with several boundary sides split, nodes moved to better places.
 
-    For first meshes: cut at its centre, as `meshing.split_corner_cells` does, a cell leaves four with radius ratios
+    For first meshes: cut at its centre, as `gmsh_arrays.split_corner_cells` does, a cell leaves four with radius ratios
     near 0.16, which are worn out long before the others. Labels are 0.
     """
     cells = oriented(body.x, body.cells[:, :4])

@@ -8,8 +8,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ...laws.heat_exchange import CoupledExchange
+from ...physics.facets import exterior_facets
 from ...physics.kinematics import KINDS
-from ...physics.meshing import exterior_facets
 from ...physics.nodes import Nodes
 from ...physics.solid_mesh import facing_points, solid_mesh
 from ...physics.surface import facet_sides

@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from ...physics.facets import exterior_facets
 from ...physics.gather import gather_cell_values, gather_cells
-from ...physics.meshing import exterior_facets
 from ...physics.surface import Surface, facet_sides
 from ...scene import Scene
 from ..assembling import assembled_body

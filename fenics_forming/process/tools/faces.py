@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import SceneError
-from ...physics.meshing import exterior_facets
+from ...physics.facets import exterior_facets
 from ...physics.nodes import Nodes
 from ...physics.parallel import highest, lowest, total
 from ...physics.parts import Parts
