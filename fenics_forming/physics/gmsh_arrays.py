@@ -93,8 +93,9 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
     Where a side of the body folds down onto a tool, such a cell would be pressed flat.
     """
     corners = cells[:, : dim + 1]
-    sides = np.sort(np.stack([np.delete(corners, i, axis=1) for i in range(dim + 1)], axis=1), axis=2)
-    _, inverse, counts = np.unique(sides.reshape(-1, dim), axis=0, return_inverse=True, return_counts=True)
+    sides = np.sort(np.stack([np.delete(corners, i, axis=1) for i in range(dim + 1)], axis=1), axis=2).reshape(-1, dim)
+    keys = sides @ len(x) ** np.arange(dim, dtype=np.int64)       # one number a side: rows are sorted ten times as slowly
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     exterior = (counts[inverse.ravel()] == 1).reshape(-1, dim + 1)
     cut = exterior.sum(axis=1) > 1
     if not cut.any():

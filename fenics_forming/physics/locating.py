@@ -11,15 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from .locating_kernels import ROUND_OFF, curved_walks, means, on_facets, walks
 from .nodes import EDGES, quadratic_shapes
 
-ROUND_OFF = 1e-12     # a barycentric coordinate above minus this is inside
-MOST_CELLS = 200      # on a walk; the nearest centroid is one to three cells away, unless sizes differ wildly
 CANDIDATES = 8        # cells from which a point that ended at the boundary starts again
 DOUBTFUL = 0.1        # of the cell's longest edge: a point farther outside is compared with every cell around it
 NEAR = 1e-3           # of the cell's edge: so near to its facet a point is not compared with other facets
-TURNS = 12            # Newton steps, and changes of the cell, in the curved cells
-NEGLIGIBLE = 1e-8     # a Newton step after which what is left is its square: round-off
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,10 @@ class Locator:
     """
 
     def __init__(self, x: np.ndarray, cells: np.ndarray):
-        self.x, self.cells, self.dim = np.asarray(x, float), np.asarray(cells), np.shape(x)[1]
-        self.vertices = self.cells[:, : self.dim + 1]
+        self.x, self.cells, self.dim = np.ascontiguousarray(x, float), np.ascontiguousarray(cells, np.int64), np.shape(x)[1]
+        self.vertices, self._edges = self.cells[:, : self.dim + 1], np.array(EDGES[self.dim])
         corners = self.x[self.vertices]
-        self._origin = corners[:, 0]
+        self._origin = corners[:, 0].copy()
         self.gradients, volumes = _inverse(corners[:, 1:] - corners[:, :1])
         self.weights = np.abs(volumes)
         self._centroids = corners.mean(axis=1)
@@ -93,7 +90,7 @@ class Locator:
 
     def find(self, points: np.ndarray) -> Located:
         """The straight simplex that each point (p, dim) lies in, or the nearest place found where it lies in none."""
-        points = np.asarray(points, float)
+        points = np.ascontiguousarray(points, float)
         cells, inner = self._walk(points, self._tree.query(points)[1])
         found = self._clipped(points, cells, inner)
         outside = np.flatnonzero(inner.min(axis=1) < -ROUND_OFF)
@@ -103,11 +100,11 @@ class Locator:
         doubtful = outside[found.distance[outside] > DOUBTFUL * self._size(found.cells[outside])]
         return self._among_all_near(points, found, doubtful) if len(doubtful) else found
 
-    def find_roughly(self, points: np.ndarray) -> Located:
-        """As `find` for points inside; a point (p, dim) outside takes a place at the end of its walk, near but maybe not
-        the nearest."""
-        points = np.asarray(points, float)
-        return self._clipped(points, *self._walk(points, self._tree.query(points)[1]))
+    def interpolated(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Of values (n,) at the vertices, linear between them, those at points (p, dim), (p,); outside the one where
+        the walk ends, near but maybe not the nearest."""
+        points = np.ascontiguousarray(points, float)
+        return means(nodal, self.vertices, *self._walk(points, self._tree.query(points)[1]))
 
     def _size(self, cells):
         """Longest straight edge at the first vertex of cells, (p,) mm."""
@@ -116,22 +113,7 @@ class Locator:
 
     def _walk(self, points, cells):
         """From the given cells towards the points: where each ends, and its coordinates there."""
-        cells = np.array(cells)
-        inner = self.barycentric(points, cells)
-        moving = np.flatnonzero(inner.min(axis=1) < -ROUND_OFF)
-        for _ in range(MOST_CELLS):
-            if len(moving) == 0:
-                break
-            across = self.neighbours[cells[moving]]
-            ahead = np.where(across >= 0, inner[moving], np.inf)     # along the boundary, where it bars the way
-            side = np.argmin(ahead, axis=1)
-            rows = np.arange(len(moving))
-            onward = ahead[rows, side] < -ROUND_OFF
-            moving = moving[onward]
-            cells[moving] = across[rows, side][onward]
-            inner[moving] = self.barycentric(points[moving], cells[moving])
-            moving = moving[inner[moving].min(axis=1) < -ROUND_OFF]
-        return cells, inner
+        return walks(self._origin, self.gradients, self.neighbours, points, cells)
 
     def _clipped(self, points, cells, inner):
         inner = convex(inner)
@@ -170,22 +152,10 @@ class Locator:
         Newton steps in the cell that holds the point when straight; where the curved side lies between, in the cell
         behind it. Outside: the nearest place of the facets around. ``straight``: what `find` gave, if it is known.
         """
-        points = np.asarray(points, float)
+        points = np.ascontiguousarray(points, float)
         found = self.find(points) if straight is None else straight
-        cells, inner = np.array(found.cells), np.array(found.barycentric)
-        moving = np.arange(len(points))
-        for _ in range(TURNS):
-            inner[moving] = self._newton(points[moving], cells[moving], convex(inner[moving]))
-            across = self.neighbours[cells[moving]]
-            ahead = np.where(across >= 0, inner[moving], np.inf)
-            side = np.argmin(ahead, axis=1)
-            rows = np.arange(len(moving))
-            onward = ahead[rows, side] < -1e-9
-            moving, to = moving[onward], across[rows, side][onward]
-            if len(moving) == 0:
-                break
-            cells[moving] = to
-            inner[moving] = self.barycentric(points[moving], to)
+        cells, inner = curved_walks(self.x, self.cells, self._edges, self._origin, self.gradients, self.neighbours, points,
+                                    found.cells, found.barycentric)
         outside = np.flatnonzero(inner.min(axis=1) < -ROUND_OFF)
         side = np.argmin(inner[outside], axis=1)
         inner[outside] = self._on_facet(points[outside], cells[outside], side, convex(inner[outside]))
@@ -214,45 +184,9 @@ class Locator:
         tried = self._measured(points[each], cells[facets], inner)
         return _better(found, rows, tried, np.arange(len(each)).reshape(near.shape))
 
-    def _newton(self, points, cells, inner):
-        """Coordinates in the curved cells, however far outside; Newton steps are repeated until they are negligible."""
-        inner, active = np.array(inner), np.arange(len(points))
-        for _ in range(TURNS):
-            x = self.x[self.cells[cells[active]]]
-            miss = points[active] - np.einsum("pa,pad->pd", quadratic_shapes(inner[active], self.dim), x)
-            step = np.einsum("pij,pj->pi", _inverse(_tangents(inner[active], x))[0], miss)
-            size = np.abs(step).max(axis=1, initial=0.0)
-            step /= np.maximum(1.0, size)[:, None]                      # not across the whole mesh
-            inner[active, 1:] += step
-            inner[active, 0] -= step.sum(axis=1)
-            active = active[size > NEGLIGIBLE]
-            if len(active) == 0:
-                break
-        return inner
-
     def _on_facet(self, points, cells, side, inner):
-        """The nearest place on the facet opposite to the vertex ``side``: Gauss-Newton with that coordinate at 0."""
-        rows = active = np.arange(len(points))
-        inner[rows, side] = 0.0
-        inner, all_free = convex(inner), np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
-        for _ in range(TURNS):
-            rows, here, free = rows[: len(active)], inner[active], all_free[side[active]]
-            x = self.x[self.cells[cells[active]]]
-            miss = points[active] - np.einsum("pa,pad->pd", quadratic_shapes(here, self.dim), x)
-            slope = by_coordinate(here, x)
-            tangents = slope[rows[:, None], free[:, 1:]] - slope[rows, free[:, 0]][:, None]
-            metric = np.matmul(tangents, np.swapaxes(tangents, 1, 2))
-            whole = np.maximum(np.trace(metric, axis1=1, axis2=2), np.finfo(float).tiny ** 0.5)
-            metric += ROUND_OFF * whole[:, None, None] * np.eye(self.dim - 1)      # a flat facet stops no one
-            step = np.linalg.solve(metric, np.einsum("pij,pj->pi", tangents, miss)[:, :, None])[:, :, 0]
-            moved = here.copy()
-            moved[rows[:, None], free[:, 1:]] += step
-            moved[rows, free[:, 0]] -= step.sum(axis=1)
-            inner[active] = moved = convex(moved)
-            active = active[np.abs(moved - here).max(axis=1, initial=0.0) > NEGLIGIBLE]
-            if len(active) == 0:
-                break
-        return inner
+        """Coordinates of the nearest place on the facet opposite to the vertex ``side``."""
+        return on_facets(self.x, self.cells, self._edges, points, cells, side, inner)
 
 
 def _tree(points):
@@ -306,9 +240,3 @@ def slopes(inner, dim):
 def by_coordinate(inner, x):
     """Derivatives of the quadratic map of cells or sides by each barycentric coordinate, (p, coordinates, component)."""
     return np.matmul(np.swapaxes(slopes(inner, inner.shape[1] - 1), 1, 2), x)
-
-
-def _tangents(inner, x):
-    """Derivatives of the quadratic map with respect to the local coordinates, (p, local, component)."""
-    slope = by_coordinate(inner, x)
-    return slope[:, 1:] - slope[:, :1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import basix.ufl
 import numpy as np
 from dolfinx import fem
@@ -116,8 +118,12 @@ def distributed(make, dim: int, comm) -> dmesh.Mesh:
 def from_arrays(x: np.ndarray, cells: np.ndarray, comm=MPI.COMM_WORLD) -> dmesh.Mesh:
     """A mesh of order 2 of the positions (n, dim) and cells (m, 6 or 10), in basix order, that rank 0 gives. Collective."""
     dim = x.shape[1]
-    element = basix.ufl.element("Lagrange", {2: "triangle", 3: "tetrahedron"}[dim], 2, shape=(dim,))
-    return dmesh.create_mesh(comm, cells.astype(np.int64), x, element)
+    return dmesh.create_mesh(comm, cells.astype(np.int64), x, _isoparametric(dim))
+
+
+@cache
+def _isoparametric(dim: int):
+    return basix.ufl.element("Lagrange", {2: "triangle", 3: "tetrahedron"}[dim], 2, shape=(dim,))
 
 
 def _improved(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,8 @@ integrands polynomials and the quadrature exact for them: it is the volume of th
 
 from __future__ import annotations
 
+from functools import cache
+
 import basix
 import numpy as np
 from mpi4py import MPI
@@ -39,13 +41,7 @@ class Surface:
         self.sides, self.kinematics, self.dim = sides, kinematics, x.shape[1]
         self.comm = MPI.COMM_SELF if nodes is None else nodes.comm
         self._nodes = nodes
-        cell = {2: basix.CellType.interval, 3: basix.CellType.triangle}[self.dim]
-        element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
-        points, self._weights = basix.make_quadrature(cell, DEGREE[self.dim])
-        self._element = element
-        table = element.tabulate(1, points)[..., 0]
-        self._shape, self._gradient = table[0], table[1:]
-        self._gradient_at_nodes = element.tabulate(1, element.points)[1:, :, :, 0]
+        self._element, self._weights, self._shape, self._gradient, self._gradient_at_nodes = _tables(self.dim)
         middle = x[sides].sum(axis=(0, 1))
         sums = total(self.comm, np.append(middle, sides.size))
         self._middle = sums[:-1] / sums[-1]     # lengths are counted from here: no digits are lost far from the origin
@@ -153,6 +149,16 @@ class Surface:
     def _area_vectors(self, gradient: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Outward normals, as long as the surface is stretched, at points of the sides p (f, nodes, dim)."""
         return _across([np.matmul(g, p) for g in gradient])
+
+
+@cache
+def _tables(dim: int):
+    """The quadratic element on a side; weights of the quadrature, shapes and slopes at its points; slopes at the nodes."""
+    cell = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
+    element = basix.create_element(basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped)
+    points, weights = basix.make_quadrature(cell, DEGREE[dim])
+    table = element.tabulate(1, points)[..., 0]
+    return element, weights, table[0], table[1:], element.tabulate(1, element.points)[1:, :, :, 0]
 
 
 def facet_sides(nodes: Nodes, facets: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from .outline import Chain, angle_between
 
 STRAIGHT = 1e-9          # of the length: what rounding leaves of a straight run
 SAMPLES = 4              # of the wanted size, on each half of an old side
+GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 class Curve:
@@ -99,8 +100,7 @@ def _spread(knots: np.ndarray, apart: np.ndarray) -> np.ndarray:
 def _half_lengths(points: np.ndarray) -> np.ndarray:
     """Lengths of both halves of the parabolas through (2 k + 1, 2) points: (2 k,)."""
     start, middle, end = points[:-2:2], points[1::2], points[2::2]
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    halves = []
+    halves, (nodes, weights) = [], GAUSS
     for low in (0.0, 0.5):
         t = (low + 0.25 * (nodes + 1))[:, None, None]
         speed = (4 * t - 3) * start + (4 - 8 * t) * middle + (4 * t - 1) * end

@@ -88,21 +88,22 @@ def _deepest_notch(x, loop, labels, detail):
     """First side and number of sides of the notch with the longest way around more than across; None."""
     start, middle = x[loop[:, 0]], x[loop[:, 2]]
     length = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(x[loop[:, 1]] - middle, axis=1)
-    mouth, number = detail(start), np.arange(len(loop))
-    free, way_around, most, best = labels == 0, length.copy(), 0.0, None
-    for count in range(2, min(SPAN, len(loop) // 2)):
-        last = (number + count - 1) % len(loop)
-        free, way_around = free & (labels[last] == 0), way_around + length[last]
-        across = x[loop[last, 1]] - start
-        width = np.linalg.norm(across, axis=1)
-        gain = way_around - width
-        found = free & (width < mouth) & (way_around > DEEP * width) & (way_around < MOST * length.sum()) & (gain > most)
-        for k in np.flatnonzero(found)[np.argsort(-gain[found], kind="stable")]:
-            walls = x[loop[(k + np.arange(count)) % len(loop)]][:, 1:].reshape(-1, 2) - start[k]
-            if gain[k] > most and (across[k, 0] * walls[:, 1] - across[k, 1] * walls[:, 0] >= -TINY * width[k] ** 2).all():
-                most, best = float(gain[k]), (int(k), count)
-                break
-    return best
+    along = np.concatenate([[0.0], np.cumsum(np.tile(length, 2))])
+    pressed = np.concatenate([[0], np.cumsum(np.tile(labels != 0, 2))])
+    # rows: numbers of sides; columns: the first of them
+    number, count = np.arange(len(loop)), np.arange(2, min(SPAN, len(loop) // 2))[:, None]
+    across = x[loop[(number + count - 1) % len(loop), 1]] - start
+    width, way_around = np.sqrt((across**2).sum(axis=2)), along[number + count] - along[number]
+    found = (pressed[number + count] == pressed[number]) & (width < detail(start)) & (way_around > DEEP * width) \
+        & (way_around < MOST * along[len(loop)])
+    rows, firsts = np.nonzero(found)
+    for k in np.argsort((width - way_around)[rows, firsts], kind="stable"):
+        first, sides = int(firsts[k]), int(count[rows[k], 0])
+        walls = x[loop[(first + np.arange(sides)) % len(loop)]][:, 1:].reshape(-1, 2) - start[first]
+        (u, v), over = across[rows[k], first], -TINY * width[rows[k], first] ** 2
+        if (u * walls[:, 1] - v * walls[:, 0] >= over).all():
+            return first, sides
+    return None
 
 
 def _meeting(a, b, p, q):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import basix
 import numpy as np
@@ -90,6 +91,7 @@ def overturned(before: np.ndarray, after: np.ndarray, cells: np.ndarray) -> np.n
     return _determinant(before[corners]) * _determinant(after[corners]) <= 0.0
 
 
+@cache
 def _gradients(dim: int) -> np.ndarray:
     """Of the quadratic shape functions at the nodes and integration points: (derivative, point, node)."""
     cell = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron

@@ -113,8 +113,7 @@ class AtNodes:
         return Locator(self.body.x, self.body.cells)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        found = self._locator.find_roughly(points)
-        return np.einsum("pi,pi->p", found.barycentric, self.size[self._locator.vertices[found.cells]])
+        return self._locator.interpolated(self.size, points)
 
 
 def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) -> np.ndarray:

@@ -123,16 +123,27 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
     if overturned(made.x, placed, made.cells).any() or scaled_jacobian(placed, made.cells).min() <= 0.0:
         raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
     moved = Transfer(old, placed)
-    fields = {name: moved.linear(values) for name, values in given.linear.items()}
+    fields = linear_fields(moved, made, given.linear)
     fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
-    for name in given.linear:
-        fields[name] = means_at_mids(made, fields[name])
     lost = conservation(old, BodyArrays(placed, made.cells), {
         name: (given.linear[name], fields[name]) for name in given.linear
         if name.startswith("history.") and not name.startswith("history.heat.")},
         axisymmetric=kinematics.name == "axisymmetric")
     change = {"remeshing": new - known, "corners": known - start + back - new, "given back": surface.volume(placed) - back}
     return placed, made, fields, change, lost
+
+
+def linear_fields(moved: Transfer, made: BodyArrays, given: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Fields at the old nodes, (n, …), all at once at the new vertices, with the means at the mid-nodes: (p, …)."""
+    if not given:
+        return {}
+    columns = [np.reshape(values, (len(values), -1)) for values in given.values()]
+    vertices = np.unique(made.cells[:, : made.dim + 1])
+    new = np.zeros((len(made.x), sum(c.shape[1] for c in columns)))
+    new[vertices] = moved.linear(np.concatenate(columns, axis=1), vertices)
+    parts = np.split(means_at_mids(made, new), np.cumsum([c.shape[1] for c in columns])[:-1], axis=1)
+    return {name: part.reshape((len(new),) + values.shape[1:]) for (name, values), part in zip(given.items(), parts,
+                                                                                                strict=True)}
 
 
 def means_at_mids(body: BodyArrays, values: np.ndarray) -> np.ndarray:

@@ -12,8 +12,9 @@ import basix
 import numpy as np
 
 from ...physics.locating import Located, Locator, slopes
+from ...physics.machine_code import compiled
 from ...physics.nodes import quadratic_shapes
-from .vertex_fits import VertexFits
+from .vertex_fits import fitted
 
 INTEGRAND_DEGREE = 6     # quadratic value x radius x Jacobian (2-D); value x Jacobian is 5 in 3-D
 
@@ -33,7 +34,7 @@ class Transfer:
     """
 
     def __init__(self, old, points: np.ndarray):
-        self.points = np.asarray(points, float)
+        self.points = np.ascontiguousarray(points, float)
         self.locator = Locator(old.x, old.cells)
         self.located: Located = self.locator.find(self.points)
 
@@ -42,8 +43,8 @@ class Transfer:
         """Where the points lie in the curved cells of the old mesh."""
         return self.locator.find_curved(self.points, self.located)
 
-    def linear(self, values: np.ndarray) -> np.ndarray:
-        """Values at the points of a field that is linear between vertices, bounded: (n[, k]) old nodes to (p[, k]).
+    def linear(self, values: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Values at the points, or ``rows`` of them, of a field linear between vertices, bounded: (n[, k]) to (p[, k]).
 
         u(x) = sum_i l_i [u_i + (2/3) g_i (x - x_i) + (1/6) (x - x_i) H_i (x - x_i)] with the barycentric coordinates l,
         the vertices x_i, and the slopes g_i and curvatures H_i of the cubics fitted there (``vertex_fits``): exact for
@@ -55,20 +56,10 @@ class Transfer:
         """
         mesh, found = self.locator, self.located
         old = np.asarray(values, float).reshape(len(mesh.x), -1)
-        corners = mesh.vertices[found.cells]
-        place = np.einsum("pi,pij->pj", found.barycentric, mesh.x[corners])
-        away, outside = place[:, None] - mesh.x[corners], (self.points - place)[:, None]
-        # under a curved side; a point farther out than its cell is large takes the value at the nearest place
-        outside[found.distance > np.linalg.norm(away, axis=2).max(axis=1)] = 0.0
-        out = np.empty((len(self.points), old.shape[1]))
-        for k, column in enumerate(old.T):
-            fitted = self._fits.of(column)
-            slopes, curvatures = fitted.slopes[corners], fitted.curvatures[corners]
-            beside = (fitted.values[corners] + np.einsum("pij,pij->pi", slopes, 2 / 3 * away + outside)
-                      + np.einsum("pij,pijk,pik->pi", away, curvatures, away) / 6)
-            guess = np.einsum("pi,pi->p", found.barycentric, beside)
-            out[:, k] = np.clip(guess, *self._limits(column, corners))
-        return out.reshape((len(self.points),) + np.shape(values)[1:])
+        fits = fitted(mesh, old)
+        out = _bounded(mesh.x, mesh.vertices, self.points[rows], found.cells[rows], found.barycentric[rows],
+                       found.distance[rows], old, *_ranges(mesh.vertices, old), fits.values, fits.slopes, fits.curvatures)
+        return out.reshape((len(out),) + np.shape(values)[1:])
 
     def quadratic(self, values: np.ndarray) -> np.ndarray:
         """Values at the points by the quadratic shapes of the curved cells: (n[, k]) old nodes to (p[, k]).
@@ -76,39 +67,59 @@ class Transfer:
         For velocities and displacements, which have values of their own at mid-nodes; not bounded.
         """
         mesh, found = self.locator, self.curved
-        shapes = quadratic_shapes(found.barycentric, mesh.dim)
-        return np.einsum("pa,pa...->p...", shapes, np.asarray(values, float)[mesh.cells[found.cells]])
+        shapes, values = quadratic_shapes(found.barycentric, mesh.dim), np.asarray(values, float)
+        around = values.reshape(len(values), -1)[mesh.cells[found.cells]]
+        return np.matmul(shapes[:, None], around).reshape((len(shapes),) + values.shape[1:])
 
-    # ------------------------------------------------------------------ slopes and limits
-    @cached_property
-    def _fits(self) -> VertexFits:
-        return VertexFits(self.locator)
 
-    @cached_property
-    def _vertex_rows(self):
-        """The cells' vertices sorted by node: order of the flattened vertices, first place and number of every node."""
-        flat = self.locator.vertices.ravel()
-        order = np.argsort(flat, kind="stable")
-        nodes, first = np.unique(flat[order], return_index=True)
-        return order, nodes, first
+@compiled
+def _ranges(cells, fields):
+    """Least and greatest value of the fields (n, k) at the vertices of the cells around every vertex, (n, k) twice."""
+    lowest, highest = fields.copy(), fields.copy()
+    for c in range(len(cells)):
+        for k in range(fields.shape[1]):
+            least = most = fields[cells[c, 0], k]
+            for node in cells[c]:
+                least, most = min(least, fields[node, k]), max(most, fields[node, k])
+            for node in cells[c]:
+                lowest[node, k], highest[node, k] = min(lowest[node, k], least), max(highest[node, k], most)
+    return lowest, highest
 
-    def _limits(self, column, corners):
-        """Least and greatest value that may be found in the cells of the points, (p,) twice."""
-        lowest, highest = self._range(column)
-        least, most = column[corners].min(axis=1), column[corners].max(axis=1)
-        lowest, highest = lowest[corners].min(axis=1), highest[corners].max(axis=1)
-        # where all of a cell is as low as its neighbourhood, as beside a jump, nothing in it is higher than its vertices
-        return np.maximum(lowest, 2 * least - highest), np.minimum(highest, 2 * most - lowest)
 
-    def _range(self, column):
-        """Least and greatest value at the vertices of the cells around every vertex, (n,) twice."""
-        mesh = self.locator
-        order, nodes, first = self._vertex_rows
-        around = column[mesh.vertices]
-        lowest, highest = column.copy(), column.copy()
-        lowest[nodes] = np.minimum.reduceat(np.repeat(around.min(axis=1), mesh.dim + 1)[order], first)
-        highest[nodes] = np.maximum.reduceat(np.repeat(around.max(axis=1), mesh.dim + 1)[order], first)
-        return lowest, highest
+@compiled
+def _bounded(x, vertices, points, cells, inner, distance, fields, lowest, highest, values, slopes, curvatures):
+    """What `Transfer.linear` gives at points whose places are known, (p, k)."""
+    out = np.empty((len(points), fields.shape[1]))
+    dim = x.shape[1]
+    away, outside = np.empty((dim + 1, dim)), np.empty(dim)
+    for p in range(len(points)):
+        corners = vertices[cells[p]]
+        for j in range(dim):
+            place = 0.0
+            for i in range(dim + 1):
+                place += inner[p, i] * x[corners[i], j]
+            outside[j] = points[p, j] - place
+            for i in range(dim + 1):
+                away[i, j] = place - x[corners[i], j]
+        # under a curved side; a point farther out than its cell is large takes the value at the nearest place
+        if distance[p] ** 2 > (away**2).sum(axis=1).max():
+            outside[:] = 0.0
+        for k in range(fields.shape[1]):
+            guess = 0.0
+            low = high = least = most = fields[corners[0], k]
+            for i in range(dim + 1):
+                at = corners[i]
+                beside = values[at, k]
+                for j in range(dim):
+                    beside += slopes[at, k, j] * (2 / 3 * away[i, j] + outside[j])
+                    for m in range(dim):
+                        beside += away[i, j] * curvatures[at, k, j, m] * away[i, m] / 6
+                guess += inner[p, i] * beside
+                least, most = min(least, fields[at, k]), max(most, fields[at, k])
+                low, high = min(low, lowest[at, k]), max(high, highest[at, k])
+            # where all of a cell is as low as its neighbours, as beside a jump, nothing in it is higher than its vertices
+            out[p, k] = min(max(guess, low, 2 * least - high), high, 2 * most - low)
+    return out
 
 
 def conservation(old, new, fields: dict[str, tuple[np.ndarray, np.ndarray]], *, axisymmetric: bool = False

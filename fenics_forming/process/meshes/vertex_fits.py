@@ -14,6 +14,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from ...physics.locating import Locator
+from ...physics.machine_code import compiled
 
 DEGREE = 3
 NEAREST = 0.3            # of the distance of the nearest vertices: nearer ones weigh no more
@@ -23,15 +24,15 @@ HELD = 1e-6              # share of the weight by which curvatures are held to z
 SMOOTH, ROUGH = 0.05, 0.1
 ROUGH_SLOPE = 0.75       # there: (2/3) 0.75 g (x - x_i), right for quadratic fields with the slope g of the plane
 TOLD = 1e-3              # share of the weight that must remain for the neighbours to tell the value at the vertex itself
-PER_BATCH = 2_000_000    # numbers in the array of polynomials of a batch of vertices
+HIGHEST = 0.1            # of the height of a peak, that may be added to it
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """One field at every node of the mesh; zero at mid-nodes.
+    """Fields at every node of the mesh; zero at mid-nodes.
 
-    values : (n,) those given, but at a vertex that is above (below) all of its patch the top of the peak between vertices
-    slopes : (n, dim), per mm · curvatures : (n, dim, dim), per mm²
+    values : (n, k) those given, but at a vertex that is above (below) all of its patch the top of the peak between vertices
+    slopes : (n, k, dim), per mm · curvatures : (n, k, dim, dim), per mm²
     """
 
     values: np.ndarray
@@ -39,132 +40,210 @@ class Fitted:
     curvatures: np.ndarray
 
 
-class VertexFits:
-    """The patches of a mesh and what fits any field on them; made once for all fields.
+def fitted(mesh: Locator, fields: np.ndarray) -> Fitted:
+    """The fits of the fields (n, k), of which only the values at vertices are read."""
+    vertices, first, patch = _patches(mesh.vertices, len(mesh.x))
+    terms = [term for degree in range(1, DEGREE + 1) for term in combinations_with_replacement(range(mesh.dim), degree)]
+    number = {term: k for k, term in enumerate(terms)}
+    made_of = np.array([(number.get(term[:-1], -1), term[-1], term[0] if len(term) == 2 else -1) for term in terms])
+    return Fitted(*_fits(mesh.x, vertices, first, patch, made_of, np.ascontiguousarray(fields, float)))
 
-    Parameters
-    ----------
-    mesh : its ``x``, ``vertices`` are read
+
+@compiled
+def _patches(cells, count):
+    """The vertices (v,) of cells (m, dim + 1); the vertices of the cells around each and of their neighbours but itself,
+    one patch after the other; and where each patch begins, (v + 1,)."""
+    width = cells.shape[1]
+    start = np.zeros(count + 1, np.int64)
+    for node in cells.ravel():
+        start[node + 1] += 1
+    start = np.cumsum(start)
+    around, filled = np.empty(start[-1], np.int64), start[:-1].copy()
+    for c in range(len(cells)):
+        for i in range(width):
+            around[filled[cells[c, i]]] = c
+            filled[cells[c, i]] += 1
+    vertices = np.flatnonzero(start[1:] > start[:-1])
+    seen, first = np.full(count, -1), np.zeros(len(vertices) + 1, np.int64)
+    patch = np.empty(64 * len(vertices), np.int64)
+    for row in range(len(vertices)):
+        found = first[row]
+        seen[vertices[row]] = row
+        for ring in range(2):
+            begin, end = (first[row], found) if ring else (0, 1)
+            for k in range(begin, end):
+                centre = patch[k] if ring else vertices[row]
+                for c in around[start[centre]:start[centre + 1]]:
+                    for i in range(width):
+                        node = cells[c, i]
+                        if seen[node] != row:
+                            seen[node] = row
+                            if found == len(patch):
+                                patch = np.concatenate((patch, np.empty_like(patch)))
+                            patch[found] = node
+                            found += 1
+        first[row + 1] = found
+    return vertices, first, patch[:first[-1]]
+
+
+@compiled
+def _polynomials(x, node, patch, made_of, polynomials, weights):
+    """Monomials of degree 1 to 3 of the way from a vertex to its patch, over the distance of the nearest vertices, put into
+    ``polynomials`` (patch, terms), and ``weights`` (patch,); that distance, mm.
+
+    made_of : (terms, 2 …) monomial and direction whose product it is; monomial -1 is 1
     """
-
-    def __init__(self, mesh: Locator):
-        self._mesh, dim = mesh, mesh.dim
-        self._terms = [term for k in range(1, DEGREE + 1) for term in combinations_with_replacement(range(dim), k)]
-        self._vertices, self._patch, self._is_other = _patches(mesh)
-        count, terms = len(self._vertices), len(self._terms)
-        self._length, self._whole = np.empty(count), np.empty(count)              # of the near edges; sum of the weights
-        self._plane, self._inverse = np.empty((count, dim, dim)), np.empty((count, terms, terms))
-        self._ones = np.empty((count, terms))                                     # moments of the constant 1
-        held = np.diag([HELD**2 if len(term) == 1 else HELD for term in self._terms])
-        for rows in self._batches():
-            distance = np.where(self._is_other[rows], np.linalg.norm(self._away(rows), axis=2), np.inf)
-            self._length[rows] = np.partition(distance, dim, axis=1)[:, : dim + 1].mean(axis=1)
-            polynomials, weights = self._polynomials(rows)
-            weighted = _turned(polynomials * weights[:, :, None])
-            moments = np.matmul(weighted, polynomials)
-            size = np.trace(moments[:, :dim, :dim], axis1=1, axis2=2)[:, None, None] / dim
-            moments += size * held
-            self._plane[rows], self._inverse[rows] = np.linalg.inv(moments[:, :dim, :dim]), np.linalg.inv(moments)
-            self._ones[rows], self._whole[rows] = weighted.sum(axis=2), weights.sum(axis=1)
-
-    def of(self, column: np.ndarray) -> Fitted:
-        """The fit of one field (n,), of which only the values at vertices are read."""
-        count, dim = len(self._mesh.x), self._mesh.dim
-        fitted = Fitted(np.array(column, float), np.zeros((count, dim)), np.zeros((count, dim, dim)))
-        for rows in self._batches():
-            nodes, length = self._vertices[rows], self._length[rows]
-            tops, factors = self._fit(rows, column[self._patch[rows]] - column[nodes, None])
-            fitted.values[nodes] += tops
-            fitted.slopes[nodes] = factors[:, :dim] / length[:, None]
-            for term, factor in zip(self._terms, factors.T, strict=True):
-                if len(term) == 2:
-                    fitted.curvatures[nodes, term[0], term[1]] += factor / length**2
-                    fitted.curvatures[nodes, term[1], term[0]] += factor / length**2
-        return fitted
-
-    def _fit(self, rows, rise):
-        """What is to be added to the values at the vertices, (v,), and the factors of the monomials, (v, terms), for the
-        rise of a field from each vertex to its patch, (v, patch)."""
-        dim = self._mesh.dim
-        polynomials, weights = self._polynomials(rows)
-        is_top, is_bottom = rise.max(axis=1) <= 0, rise.min(axis=1) >= 0
-        most = 0.1 * np.abs(rise).max(axis=1)
-        # a plane first, and the rest on what it leaves: so linear fields are kept to round-off
-        plane = _times(self._plane[rows], _times(_turned(polynomials[:, :, :dim]), weights * rise))
-        rest = weights * (rise - _times(polynomials[:, :, :dim], plane))
-        moments = _times(_turned(polynomials), rest)
-        tops = self._missing(rows, rest.sum(axis=1), moments)
-        tops = np.where(is_top, np.clip(tops, 0, most), np.where(is_bottom, np.clip(tops, -most, 0), 0.0))
-        factors = _times(self._inverse[rows], moments - tops[:, None] * self._ones[rows])
-        factors[:, :dim] += plane
-        smooth = _smoothness(weights, rise, rise - tops[:, None] - _times(polynomials, factors))
-        factors *= smooth[:, None]
-        factors[:, :dim] += (1 - smooth)[:, None] * ROUGH_SLOPE * plane
-        tops *= smooth
-        return tops, factors
-
-    def _missing(self, rows, sum_, moments):
-        """By how much the value at each vertex lies below that with which a polynomial fits the patch best, (v,).
-
-        It is added where nothing in the patch is above (below) the vertex, up to a tenth of the height: a value there that
-        was cut to the range of an older mesh would else flatten its peak at every transfer.
-        """
-        of_ones = _times(self._inverse[rows], self._ones[rows])
-        left = self._whole[rows] - np.einsum("nk,nk->n", self._ones[rows], of_ones)
-        is_told = left > TOLD * self._whole[rows]
-        return (sum_ - np.einsum("nk,nk->n", of_ones, moments)) / np.where(is_told, left, np.inf)
-
-    # ------------------------------------------------------------------ patches
-    def _batches(self):
-        each = max(1, PER_BATCH // (self._patch.shape[1] * len(self._terms)))
-        return [slice(first, first + each) for first in range(0, len(self._vertices), each)]
-
-    def _away(self, rows):
-        return self._mesh.x[self._patch[rows]] - self._mesh.x[self._vertices[rows], None]
-
-    def _polynomials(self, rows):
-        """Monomials of degree 1 to 3 of the way from each vertex to its patch, over the distance of the nearest vertices,
-        (v, patch, terms), and the weights (v, patch)."""
-        away = self._away(rows) / self._length[rows, None, None]
-        distance = np.maximum(np.linalg.norm(away, axis=2), NEAREST)
-        out, known = np.empty(away.shape[:2] + (len(self._terms),)), {}
-        for k, term in enumerate(self._terms):
-            known[term] = k
-            out[..., k] = away[..., term[0]] if len(term) == 1 else out[..., known[term[:-1]]] * away[..., term[-1]]
-        return out, self._is_other[rows] * distance**-FALLS
+    dim, count = x.shape[1], len(patch)
+    away = np.empty(count)
+    for p in range(count):
+        squares = 0.0
+        for i in range(dim):
+            squares += (x[patch[p], i] - x[node, i]) ** 2
+        away[p] = np.sqrt(squares)
+    length = np.sort(away)[: dim + 1].mean()
+    for p in range(count):
+        weights[p] = max(away[p] / length, NEAREST) ** -FALLS
+        for k in range(len(made_of)):
+            i = made_of[k, 1]
+            part = (x[patch[p], i] - x[node, i]) / length
+            polynomials[p, k] = part if made_of[k, 0] < 0 else polynomials[p, made_of[k, 0]] * part
+    return length
 
 
-def _smoothness(weights, rise, misfit):
-    """1 where a cubic follows the field of a patch, 0 where it does not, (v,).
+@compiled
+def _factorise(matrix):
+    """Cholesky's factor of a matrix, in its lower half."""
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            left = matrix[i, j]
+            for k in range(j):
+                left -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(max(left, 1e-300)) if i == j else left / matrix[j, j]
+
+
+@compiled
+def _solve(factor, right):
+    """Solve with a factor of `_factorise`, in place."""
+    for i in range(len(right)):
+        for k in range(i):
+            right[i] -= factor[i, k] * right[k]
+        right[i] /= factor[i, i]
+    for i in range(len(right) - 1, -1, -1):
+        for k in range(i + 1, len(right)):
+            right[i] -= factor[k, i] * right[k]
+        right[i] /= factor[i, i]
+
+
+@compiled
+def _fits(x, vertices, first, patches, made_of, fields):
+    """What `Fitted` holds."""
+    (count, kinds), dim, terms = fields.shape, x.shape[1], len(made_of)
+    values, slopes, curvatures = fields.copy(), np.zeros((count, kinds, dim)), np.zeros((count, kinds, dim, dim))
+    widest = (first[1:] - first[:-1]).max()
+    polynomials, weights, rise = np.empty((widest, terms)), np.empty(widest), np.empty(widest)
+    cubic, flat, factors = np.empty((terms, terms)), np.empty((dim, dim)), np.empty(terms)
+    for row in range(len(vertices)):
+        node, patch = vertices[row], patches[first[row]:first[row + 1]]
+        length = _polynomials(x, node, patch, made_of, polynomials, weights)
+        ones, whole, size = np.zeros(terms), 0.0, 0.0
+        cubic[:] = 0.0
+        for p in range(len(patch)):
+            whole += weights[p]
+            for k in range(terms):
+                weighted = weights[p] * polynomials[p, k]
+                ones[k] += weighted
+                for j in range(k + 1):
+                    cubic[k, j] += weighted * polynomials[p, j]
+        for i in range(dim):
+            size += cubic[i, i] / dim
+        for k in range(terms):
+            cubic[k, k] += size * (HELD * HELD if k < dim else HELD)
+        flat[:] = cubic[:dim, :dim]
+        _factorise(flat)
+        _factorise(cubic)
+        of_ones = ones.copy()
+        _solve(cubic, of_ones)
+        left = whole
+        for k in range(terms):
+            left -= ones[k] * of_ones[k]
+        left = left if left > TOLD * whole else np.inf
+        for kind in range(kinds):
+            for p in range(len(patch)):
+                rise[p] = fields[patch[p], kind] - fields[node, kind]
+            top = _fit(rise[:len(patch)], polynomials, weights, flat, cubic, ones, of_ones, left, factors)
+            values[node, kind] += top
+            for k in range(terms):
+                if k < dim:
+                    slopes[node, kind, k] = factors[k] / length
+                elif made_of[k, 2] >= 0:
+                    curvatures[node, kind, made_of[k, 1], made_of[k, 2]] += factors[k] / length**2
+                    curvatures[node, kind, made_of[k, 2], made_of[k, 1]] += factors[k] / length**2
+    return values, slopes, curvatures
+
+
+@compiled
+def _fit(rise, polynomials, weights, flat, cubic, ones, of_ones, left, factors):
+    """What is to be added to the value at a vertex, for the ``rise`` (patch,) of a field from there; its ``factors`` of the
+    monomials (terms,) are overwritten.
+
+    By how much the value at the vertex lies below that with which a polynomial fits the patch best is added where nothing
+    in the patch is above (below) the vertex, up to a tenth of the height: a value there that was cut to the range of an
+    older mesh would else flatten its peak at every transfer.
+
+    flat, cubic : factors of the moments of the monomials of degree 1, and of all · ones, of_ones : (terms,) moments of the
+    constant 1, and its fit · left : what that leaves of the sum of the weights; infinite: too little to tell
+    """
+    dim, terms = len(flat), len(cubic)
+    # a plane first, and the rest on what it leaves: so linear fields are kept to round-off
+    plane, lowest, highest = np.zeros(dim), 0.0, 0.0
+    for p in range(len(rise)):
+        lowest, highest = min(lowest, rise[p]), max(highest, rise[p])
+        for i in range(dim):
+            plane[i] += weights[p] * rise[p] * polynomials[p, i]
+    _solve(flat, plane)
+    factors[:] = 0.0
+    missing = 0.0
+    for p in range(len(rise)):
+        rest = rise[p]
+        for i in range(dim):
+            rest -= polynomials[p, i] * plane[i]
+        rest *= weights[p]
+        missing += rest
+        for k in range(terms):
+            factors[k] += rest * polynomials[p, k]
+    for k in range(terms):
+        missing -= of_ones[k] * factors[k]
+    top = 0.0
+    if highest <= 0.0:
+        top = min(max(missing / left, 0.0), -HIGHEST * lowest)
+    elif lowest >= 0.0:
+        top = max(min(missing / left, 0.0), -HIGHEST * highest)
+    for k in range(terms):
+        factors[k] -= top * ones[k]
+    _solve(cubic, factors)
+    for i in range(dim):
+        factors[i] += plane[i]
+    smooth = _smoothness(rise, polynomials, weights, factors, top)
+    for k in range(terms):
+        factors[k] *= smooth
+        if k < dim:
+            factors[k] += (1.0 - smooth) * ROUGH_SLOPE * plane[k]
+    return smooth * top
+
+
+@compiled
+def _smoothness(rise, polynomials, weights, factors, top):
+    """1 where a cubic follows the field of a patch, 0 where it does not.
 
     Beside a corner at which the strain is singular cubics swing: with them everywhere the force of a billet changes by up
     to 1 % on a new mesh, with this by less than half of that (test_folding_over).
     """
-    misfit, rise = ((weights * values**2).sum(axis=1) for values in (misfit, rise))
-    share = np.sqrt(misfit / np.maximum(rise, np.finfo(float).tiny))
-    return np.clip((ROUGH - share) / (ROUGH - SMOOTH), 0, 1)
-
-
-def _turned(matrices):
-    return np.swapaxes(matrices, 1, 2)
-
-
-def _times(matrices, vectors):
-    """Products of matrices (v, a, b) with vectors (v, b), (v, a)."""
-    return np.matmul(matrices, vectors[:, :, None])[:, :, 0]
-
-
-def _patches(mesh):
-    """The vertices (v,), the nodes of the patch around each, (v, widest), and which of these are other vertices."""
-    from scipy.sparse import csr_matrix  # a tenth of a second, which a run that never remeshes saves
-    corners = mesh.vertices
-    width, count = corners.shape[1], len(mesh.x)
-    pairs = np.repeat(corners, width, axis=1).ravel(), np.tile(corners, (1, width)).ravel()
-    near = csr_matrix((np.ones(len(pairs[0]), np.int32), pairs), (count, count))
-    vertices = np.unique(corners)
-    patches = (near @ near)[vertices]
-    counts = np.diff(patches.indptr)
-    patch = np.repeat(vertices[:, None], counts.max(), axis=1)
-    held = np.arange(counts.max()) < counts[:, None]
-    patch[held] = patches.indices
-    return vertices, patch, patch != vertices[:, None]
+    missed, risen = 0.0, 0.0
+    for p in range(len(rise)):
+        miss = rise[p] - top
+        for k in range(len(factors)):
+            miss -= polynomials[p, k] * factors[k]
+        missed += weights[p] * miss**2
+        risen += weights[p] * rise[p] ** 2
+    share = np.sqrt(missed / max(risen, 1e-300))
+    return min(max((ROUGH - share) / (ROUGH - SMOOTH), 0.0), 1.0)
