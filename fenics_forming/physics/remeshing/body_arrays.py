@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..locating import Locator
 from ..surface import FACETS, sides_of
 
 
@@ -31,6 +32,11 @@ class BodyArrays:
     def sides(self) -> np.ndarray:
         """Nodes of the boundary facets, see `boundary_sides`."""
         return boundary_sides(self.cells, self.dim, self.x)
+
+    @cached_property
+    def locator(self) -> Locator:
+        """Finds points in the body."""
+        return Locator(self.x, self.cells)
 
 
 @dataclass(frozen=True)

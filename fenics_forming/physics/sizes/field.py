@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-
-from ..locating import Locator
 
 DIRECT = 48             # so many points are compared with all, more are searched by trees
 ALIKE = 0.1             # sizes within this of each other share a tree
@@ -101,19 +98,15 @@ class AtNodes:
 
     Parameters
     ----------
-    body : with ``x`` (n, dim) mm and ``cells`` (m, 6 | 10) of order 2
+    body : `BodyArrays`
     size : (n,) mm; only those of the vertices are read
     """
 
     def __init__(self, body, size: np.ndarray):
         self.body, self.size = body, size
 
-    @cached_property
-    def _locator(self):
-        return Locator(self.body.x, self.body.cells)
-
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        return self._locator.interpolated(self.size, points)
+        return self.body.locator.interpolated(self.size, points)
 
 
 def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) -> np.ndarray:

@@ -122,7 +122,7 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
         surface.offset_around(kept_volume, placed, tools, met=met)
     if overturned(made.x, placed, made.cells).any() or scaled_jacobian(placed, made.cells).min() <= 0.0:
         raise MeshError("the new mesh does not fit between the tools: a cell folds over when its nodes are put on them")
-    moved = Transfer(old, placed)
+    moved = Transfer(old, placed, old.locator)
     fields = linear_fields(moved, made, given.linear)
     fields |= {name: moved.quadratic(values) for name, values in given.quadratic.items()}
     lost = conservation(old, BodyArrays(placed, made.cells), {

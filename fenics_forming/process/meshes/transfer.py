@@ -27,15 +27,16 @@ class Transfer:
     old : the old body, with ``x`` (n, dim), mm, and ``cells`` (m, 6 | 10)
     points : (p, dim) places in the new body, mm, for the history its vertices and mid-nodes; one outside the old body
         takes the value of the nearest place found
+    locator : of the old body, if it is known
 
     Attributes
     ----------
     located : where the points lie in the straight simplices of the old mesh; its ``distance`` says how far outside
     """
 
-    def __init__(self, old, points: np.ndarray):
+    def __init__(self, old, points: np.ndarray, locator: Locator | None = None):
         self.points = np.ascontiguousarray(points, float)
-        self.locator = Locator(old.x, old.cells)
+        self.locator = Locator(old.x, old.cells) if locator is None else locator
         self.located: Located = self.locator.find(self.points)
 
     @cached_property

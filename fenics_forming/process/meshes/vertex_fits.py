@@ -194,15 +194,16 @@ def _fit(rise, polynomials, weights, flat, cubic, ones, of_ones, left, factors):
     constant 1, and its fit · left : what that leaves of the sum of the weights; infinite: too little to tell
     """
     dim, terms = len(flat), len(cubic)
+    factors[:] = 0.0
+    lowest, highest = min(rise.min(), 0.0), max(rise.max(), 0.0)
+    if lowest == highest:       # an even field, as a pressure away from the tools
+        return 0.0
     # a plane first, and the rest on what it leaves: so linear fields are kept to round-off
-    plane, lowest, highest = np.zeros(dim), 0.0, 0.0
+    plane, missing = np.zeros(dim), 0.0
     for p in range(len(rise)):
-        lowest, highest = min(lowest, rise[p]), max(highest, rise[p])
         for i in range(dim):
             plane[i] += weights[p] * rise[p] * polynomials[p, i]
     _solve(flat, plane)
-    factors[:] = 0.0
-    missing = 0.0
     for p in range(len(rise)):
         rest = rise[p]
         for i in range(dim):
