@@ -103,9 +103,10 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
 
     landed : mm; a side that hovers less than this above a tool is on it · neighbours : `Neighbours` among several bodies
     """
-    wanted = sizes(old, side_labels(old, tools, mirrors, landed), given.linear | given.quadratic)
+    labels = side_labels(old, tools, mirrors, landed)
+    wanted = sizes(old, labels, given.linear | given.quadratic)
     drawn = drawn_to_corners(old, wanted, tools, mirrors)
-    labels = side_labels(drawn, tools, mirrors, landed)
+    labels = labels if drawn is old else side_labels(drawn, tools, mirrors, landed)
     landing = Landing({k: tool.gap for k, tool in enumerate(tools, start=1)},
                       lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
     made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
