@@ -73,7 +73,7 @@ heat, at a fraction of its time; elements of 1 mm in the die are too thick for w
 
 A billet cut into two that stick, against the billet in one piece, over penalty factors of which the default is 10; then one
 step of two blocks in space, and the part of its CPU time that contact between them takes: search, gap operator, law,
-forces, tangents, and the products with the gap operator inside the iterative solver.
+forces, tangents, and what the iterative solver does with the gap operator on all of its levels.
 
 {contact}
 

@@ -32,7 +32,7 @@ from . import point_law as law
 from .capture import CapturingSurface
 from .carriers import Carriers, means
 from .gap_operator import NodeTraces, gap_operator
-from .gap_rows import gap_rows
+from .gap_rows import gap_rows, lesser_sums
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
@@ -281,9 +281,11 @@ class BodyContact:
 
     def softer(self, nodal: np.ndarray) -> np.ndarray:
         """A nodal field (nodes,) at the carriers, the less of the two bodies' values there, (carriers,). Collective."""
-        master = _everywhere(self.nodes.comm, nodal[self._master])[self._found.facet]
-        less = np.minimum(self.points.trace(nodal), np.einsum("pa,pa->p", self._found.shapes, master))
-        return self.mean(less)
+        points, found = self.points, self._found
+        across = _everywhere(self.nodes.comm, nodal[self._master])
+        sums = lesser_sums(nodal, points.sides, points.shape, self._share, self.carriers.own, across, found.facet,
+                           found.shapes, self.carriers.total)
+        return self._per_weight(total(self.nodes.comm, sums))
 
     def opposite(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A nodal field (nodes,) at the vertices of the sides that the points face, (points, dim), and the quadratic
@@ -292,7 +294,11 @@ class BodyContact:
 
     def mean(self, at_points: np.ndarray) -> np.ndarray:
         """Values at the points (points,) averaged over the hats of the carriers, (carriers,). Collective."""
-        return self.carriers.mine(self._sums(at_points[:, None])[:, 0]) / np.where(self.weights > 0, self.weights, 1.0)
+        return self._per_weight(self._sums(at_points[:, None])[:, 0])
+
+    def _per_weight(self, sums: np.ndarray) -> np.ndarray:
+        """Surface integrals over the hats of all carriers → means over those of this rank."""
+        return self.carriers.mine(sums) / np.where(self.weights > 0, self.weights, 1.0)
 
     def silence(self) -> None:
         """No traction: for the stiffness of the bodies alone."""

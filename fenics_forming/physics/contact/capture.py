@@ -65,15 +65,18 @@ class CapturingSurface:
         """Sides and feet for points (k, dim), mm; what is farther off than ``reach``, mm, is over nothing."""
         within = (reach + SLACK * self._size.max(initial=0.0)) ** 2
         piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)), within)
-        facet, part = np.divmod(np.maximum(piece, 0), len(self._pieces))
-        distance = np.linalg.norm(closest[:, : self.dim] - points, axis=1)
-        chosen = np.flatnonzero((piece >= 0) & (distance <= reach + SLACK * self._size[facet]))
-        found = self._feet(points[chosen], facet[chosen], part[chosen])
+        some = np.flatnonzero(piece >= 0)
+        facet, part = np.divmod(piece[some], len(self._pieces))
+        off = closest[some, : self.dim] - points[some]
+        near = np.einsum("pi,pi->p", off, off) <= (reach + SLACK * self._size[facet]) ** 2
+        chosen, facet = some[near], facet[near]
+        found = self._feet(points[chosen], facet, part[near])
         if len(chosen) == len(points):
             return found
         count, shapes = len(points), np.zeros((len(points), self._nodes.shape[1]))
-        out = Captured(facet, shapes, np.full(count, np.inf), np.zeros((count, self.dim)), np.zeros(count, bool))
-        out.shapes[:, 0] = 1.0
+        shapes[:, 0] = 1.0
+        out = Captured(np.zeros(count, int), shapes, np.full(count, np.inf), np.zeros((count, self.dim)),
+                       np.zeros(count, bool))
         for all_of_them, those in zip(vars(out).values(), vars(found).values(), strict=True):
             all_of_them[chosen] = those
         return out

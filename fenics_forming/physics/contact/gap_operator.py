@@ -6,6 +6,7 @@ import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
+from .bvh import _compile
 from .carriers import Carriers
 from .gap_rows import GapRows
 
@@ -19,6 +20,15 @@ def gap_operator(comm, carriers: Carriers, owned: int, rows: GapRows, *, unknown
     owned : unknowns of this rank · rows : what this rank's points give
     unknowns, free : (nodes, dim) global numbers of the unknowns of the nodes, and 0 where one is given
     """
+    size = ((carriers.count * unknowns.shape[1], None), (owned, None))
+    if comm.size == 1:
+        starts, columns, values = _by_rows(rows.starts, rows.node, rows.blocks, unknowns, free)
+        return PETSc.Mat().createAIJ(size, csr=(starts, columns, values), comm=comm)
+    return PETSc.Mat().createAIJ(size, csr=_exchanged_rows(comm, carriers, rows, unknowns, free), comm=comm)
+
+
+def _exchanged_rows(comm, carriers: Carriers, rows: GapRows, unknowns: np.ndarray, free: np.ndarray):
+    """Starts, columns and values of the rows of this rank's carriers, with what other ranks' points give. Collective."""
     dim, carrier, flat = unknowns.shape[1], rows.carrier, rows.blocks.shape[1] == 1
     parts = []
     for i in range(dim):
@@ -29,15 +39,33 @@ def gap_operator(comm, carriers: Carriers, owned: int, rows: GapRows, *, unknown
                 parts.append((carrier * dim + i, unknowns[rows.node, j], values * free[rows.node, j]))
     row, column, values = (np.concatenate(a) for a in zip(*parts, strict=True))
     first, last = carriers.first * dim, (carriers.first + carriers.count) * dim
-    if comm.size > 1:
-        row, column, values = _exchanged(comm, first, last, (row, column, values))
+    row, column, values = _exchanged(comm, first, last, (row, column, values))
     every, place = _places(unknowns, column)
     matrix = sparse.coo_matrix((values, (row - first, place)), (carriers.count * dim, len(every))).tocsr()
     matrix.sort_indices()
     index = PETSc.IntType
-    return PETSc.Mat().createAIJ(
-        ((carriers.count * dim, None), (owned, None)), comm=comm,
-        csr=(matrix.indptr.astype(index), every[matrix.indices].astype(index), matrix.data))
+    return matrix.indptr.astype(index), every[matrix.indices].astype(index), matrix.data
+
+
+@_compile
+def _by_rows(starts, node, blocks, unknowns, free):
+    """The same where one rank has all: starts, columns and values of rows in the order of carriers and axes."""
+    dim, flat = unknowns.shape[1], blocks.shape[1] == 1
+    width = 1 if flat else dim
+    begin = np.zeros(dim * (len(starts) - 1) + 1, np.int32)
+    columns, values = np.empty(dim * width * len(node), np.int32), np.empty(dim * width * len(node))
+    at = 0
+    for a in range(len(starts) - 1):
+        for i in range(dim):
+            for k in range(starts[a], starts[a + 1]):
+                n = node[k]
+                for j in range(dim):
+                    if not flat or i == j:
+                        columns[at] = unknowns[n, j]
+                        values[at] = blocks[k, 0 if flat else i, 0 if flat else j] * free[n, j]
+                        at += 1
+            begin[a * dim + i + 1] = at
+    return begin, columns, values
 
 
 def _places(unknowns: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

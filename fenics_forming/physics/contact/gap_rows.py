@@ -55,6 +55,33 @@ def gap_rows(carrier: np.ndarray, point: np.ndarray, share: np.ndarray, *, place
 
 
 @_compile
+def lesser_sums(nodal, sides, shape, share, own, across, facet, shapes, total):
+    """Sums over carriers of what the points count with, times the lesser of a field at them and at their feet, (total,).
+
+    Parameters
+    ----------
+    nodal : (nodes,) the field · sides : (f, n) nodes of the slave's sides · shape : (points per side, n) of the points
+    share : (points, corners) surface with which they count · own : (f, corners) carriers
+    across : (g, n) the field at the nodes of the master's sides · facet, shapes : (points,), (points, n) of the feet
+    """
+    out, per_side = np.zeros(total), len(shape)
+    for f in range(len(sides)):
+        for q in range(per_side):
+            p = f * per_side + q
+            counts = 0.0
+            for c in range(own.shape[1]):
+                counts += share[p, c]
+            if counts > 0.0:
+                here = there = 0.0
+                for a in range(sides.shape[1]):
+                    here += shape[q, a] * nodal[sides[f, a]]
+                    there += shapes[p, a] * across[facet[p], a]
+                for c in range(own.shape[1]):
+                    out[own[f, c]] += share[p, c] * min(here, there)
+    return out
+
+
+@_compile
 def _turning(start, end, out):
     """The smallest rotation that turns a unit vector (dim,) into another, (dim, dim)."""
     cosine = 0.0

@@ -14,7 +14,7 @@ from ..workpiece import Workpiece
 from .carried import CarriedProducts
 from .everywhere import Everywhere
 from .sharing import Shared
-from .upper_half import BlockRows
+from .upper_half import BlockRows, on_vertices
 
 
 @dataclass
@@ -48,15 +48,16 @@ class BetweenBodies:
         self._weighted: list[np.ndarray] = []
         self._carried: dict[int, _Made] = {}        # by contact
         self._alone = nodes.comm.size == 1
-        self._linear = self._prolongation(workpiece, everywhere)
+        n = workpiece.nodes
+        self._ends = np.zeros((n.count, 2), np.int64)       # vertices that a node is in the middle of, in the common order
+        self._ends[n.is_vertex] = everywhere.numbers[n.scalar_dofs[n.is_vertex]][:, None]
+        mids, of_mids = n.edge_middles()
+        self._ends[mids] = everywhere.numbers[n.scalar_dofs[of_mids]]
+        self._linear = None if self._alone else self._prolongation(workpiece, everywhere)
 
     def _prolongation(self, workpiece: Workpiece, everywhere: Everywhere) -> PETSc.Mat:
         """All unknowns, of velocities that are linear in every cell: by those of the vertices in the common order."""
-        n, axes = workpiece.nodes, np.arange(3)
-        ends = np.zeros((n.count, 2), np.int64)
-        ends[n.is_vertex] = everywhere.numbers[n.scalar_dofs[n.is_vertex]][:, None]
-        mids, of_mids = n.edge_middles()
-        ends[mids] = everywhere.numbers[n.scalar_dofs[of_mids]]
+        ends, axes = self._ends, np.arange(3)
         first = self._x.getOwnershipRange()[0]
         rows = np.repeat((first + self._own)[:, :, None], 2, axis=2)
         columns = 3 * ends[: self._nodes.owned, None, :] + axes[:, None]
@@ -109,16 +110,22 @@ class BetweenBodies:
         """What is made of the operator of a contact, once for each. Collective."""
         known = self._carried.get(id(contact))
         if known is None or known.operator is not contact.G:
-            on_vertices = contact.G.matMult(self._linear)
-            starts, columns, values = on_vertices.getValuesCSR()
-            every = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, on_vertices.size[1])).tobsr((3, 3))
-            every.sort_indices()
-            vertices = BlockRows(every.indptr, every.indices, every.data)
-            on_vertices.destroy()
-            products = CarriedProducts(contact.rows, self._node_of[contact.unknowns[:, 0]], contact.free) if self._alone \
-                else None
-            known = self._carried[id(contact)] = _Made(contact.G, vertices, products)
+            if self._alone:
+                nodes = self._node_of[contact.unknowns[:, 0]]
+                known = _Made(contact.G, on_vertices(contact.rows, contact.free, self._ends[nodes]),
+                              CarriedProducts(contact.rows, nodes, contact.free))
+            else:
+                known = _Made(contact.G, self._times_linear(contact.G), None)
+            self._carried[id(contact)] = known
         return known
+
+    def _times_linear(self, G: PETSc.Mat) -> BlockRows:
+        product = G.matMult(self._linear)
+        starts, columns, values = product.getValuesCSR()
+        rows = sparse.csr_matrix((values, columns, starts), (len(starts) - 1, product.size[1])).tobsr((3, 3))
+        rows.sort_indices()
+        product.destroy()
+        return BlockRows(rows.indptr, rows.indices, rows.data)
 
     def _first(self) -> int:
         return self._x.getOwnershipRange()[0]

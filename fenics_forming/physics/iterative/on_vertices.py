@@ -7,6 +7,7 @@ from time import process_time
 import numpy as np
 
 from ..contact.interfaces import Interfaces
+from ..machine_code import compiled
 from ..parallel import total
 from .everywhere import Everywhere
 from .products import product
@@ -47,12 +48,10 @@ class OnVertices:
     def add_product(self, x: np.ndarray, y: np.ndarray) -> None:
         """Add the product with velocities x (vertices, 3) to the owners' rows of y. Collective."""
         start, matrix = process_time(), self._matrix
-        near = np.zeros((len(matrix.near), 3))
-        near[self._place] = x[self._mine]
+        near = _gathered(len(matrix.near), self._mine, self._place, x)
         if self._shared.comm.size > 1:
             near = total(self._shared.comm, near)
-        product(matrix.starts, matrix.columns, matrix.diagonal, matrix.upper, near, forces := np.empty_like(near))
-        y[self._mine] += forces[self._place]
+        _add_product(matrix.starts, matrix.columns, matrix.diagonal, matrix.upper, near, self._mine, self._place, y)
         self._interfaces.book(process_time() - start)
 
     def add_diagonal(self, blocks: np.ndarray) -> None:
@@ -64,3 +63,22 @@ class OnVertices:
         start, K = process_time(), self._matrix
         groups.add_galerkin(matrix, K.near, K.starts, K.columns, K.diagonal, K.upper)
         self._interfaces.book(process_time() - start)
+
+
+@compiled
+def _gathered(count, mine, place, x):
+    """Values (vertices, 3) at the near vertices (count, 3), zero where they are not of this rank."""
+    near = np.zeros((count, 3))
+    for k in range(len(mine)):
+        for i in range(3):
+            near[place[k], i] = x[mine[k], i]
+    return near
+
+
+@compiled
+def _add_product(starts, columns, diagonal, upper, near, mine, place, y):
+    forces = np.empty_like(near)
+    product(starts, columns, diagonal, upper, near, forces)
+    for k in range(len(mine)):
+        for i in range(3):
+            y[mine[k], i] += forces[place[k], i]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.gap_rows import GapRows
 from ..machine_code import compiled
 
 
@@ -25,6 +26,17 @@ class BlockRows:
         starts = [part.starts[:-1] + end for part, end in zip(parts, ends[:-1], strict=True)]
         return cls(np.concatenate([*starts, ends[-1:]]).astype(np.int64), np.concatenate([p.column for p in parts]),
                    np.concatenate([p.blocks for p in parts]))
+
+
+def on_vertices(rows: GapRows, free: np.ndarray, ends: np.ndarray) -> BlockRows:
+    """Rows of a gap operator, all of it on this rank, for velocities that are linear in every cell.
+
+    Parameters
+    ----------
+    rows : over nodes (n,) · free : (n, 3) 0 where a velocity is given
+    ends : (n, 2) numbers of the vertices that each node lies between; a vertex twice itself
+    """
+    return BlockRows(*_onto_vertices(rows.starts, rows.node, rows.blocks, free, ends))
 
 
 class UpperHalf:
@@ -53,7 +65,7 @@ class UpperHalf:
         self.starts = np.searchsorted(own, np.arange(len(self.near) + 1)).astype(np.int32)
 
     def fill(self, tangents: np.ndarray) -> None:
-        """Take over symmetric tangents T (carriers, 3, 3) of this rank. Collective."""
+        """Take over symmetric, nowhere negative tangents T (carriers, 3, 3) of this rank. Collective."""
         both = np.zeros((len(self.near) + len(self.columns), 9))
         self.diagonal, self.upper = both[: len(self.near)], both[len(self.near):]
         _gather(self._rows.starts, self._column, self._rows.blocks, tangents, self._begin, self._order, self._carrier,
@@ -66,6 +78,37 @@ def _of_all(comm, numbers: np.ndarray) -> np.ndarray:
     """Numbers that any rank has, in rising order, each once. Collective."""
     mine = np.unique(numbers)
     return np.unique(np.concatenate(comm.allgather(mine))) if comm.size > 1 else mine
+
+
+@compiled
+def _onto_vertices(starts, node, blocks, free, ends):
+    count, flat = len(starts) - 1, blocks.shape[1] == 1
+    first, column, found = np.zeros(count + 1, np.int64), np.empty(2 * len(node), np.int64), 0
+    slot = np.full(ends.max() + 1 if len(ends) else 0, -1, np.int64)
+    out = np.zeros((2 * len(node), 3, 3))
+    for a in range(count):
+        begin = found
+        for k in range(starts[a], starts[a + 1]):
+            for v in ends[node[k]]:
+                if slot[v] < begin:
+                    slot[v], column[found] = found, v
+                    found += 1
+        column[begin:found].sort()
+        for place in range(begin, found):
+            slot[column[place]] = place
+        for k in range(starts[a], starts[a + 1]):
+            n = node[k]
+            for v in ends[n]:
+                to = out[slot[v]]
+                for j in range(3):
+                    half = 0.5 * free[n, j]
+                    if flat:
+                        to[j, j] += half * blocks[k, 0, 0]
+                    else:
+                        for i in range(3):
+                            to[i, j] += half * blocks[k, i, j]
+        first[a + 1] = found
+    return first, column[:found], out[:found]
 
 
 @compiled
@@ -107,7 +150,7 @@ def _gather(starts, column, blocks, tangents, begin, order, carrier, first, colu
     pressed, presses = np.empty_like(blocks), np.zeros(len(tangents), np.bool_)
     for a in range(len(tangents)):
         T = tangents[a]
-        presses[a] = np.any(T != 0.0)
+        presses[a] = T[0, 0] + T[1, 1] + T[2, 2] > 0.0
         if presses[a]:
             for e in range(starts[a], starts[a + 1]):
                 B, out = blocks[e], pressed[e]
