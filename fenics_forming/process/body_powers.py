@@ -33,10 +33,15 @@ class BodyPowers:
         (``contact.landing``). All forces have the same share, so that they balance as before; and all of it where forces
         are not just what given motions take: of tools that yield or spend their energy, with inertia, weight, other loads.
         Collective."""
-        if self.contact is None or self.workpiece.is_cold or self._flows_by_itself or self.workpiece.mass is not None or \
-                self.rams.by_tool or any(tool.free is not None or tool.deformation is not None for tool in self.tools):
+        if self.contact is None or self.workpiece.is_cold or self.tools_yield:
             return 1.0
         return share_on_the_body(self.contact)
+
+    @property
+    def tools_yield(self) -> bool:
+        """Whether forces are not just what given motions take."""
+        return bool(self._flows_by_itself or self.workpiece.mass is not None or self.rams.by_tool or
+                    any(tool.free is not None or tool.deformation is not None for tool in self.tools))
 
     def landing_share(self) -> float:
         """Power taken by landing points and by the penalty, relative to that of the tools; 0 at rest."""

@@ -13,6 +13,7 @@ from ..process.approach import free_way
 from ..process.body import FlowingBody
 from ..process.integration import StepEnd, drifting
 from ..process.meshes.tool_corners import hold_corners
+from ..process.room import demand_room
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
 from ..scene import Scene
@@ -57,6 +58,7 @@ class Stepper:
             dt, before = self.choice.next(0.0).dt, self.body.snapshot()
             try:
                 flow = self.body.solve(0.0, history, dt, ahead=self.scheme.look_ahead)
+                demand_room(self.body)
                 return State(0, 0.0, history, flow, dt, heat=heat)
             except ConvergenceError as failure:
                 if last or not np.isfinite(dt):
@@ -186,6 +188,8 @@ class Stepper:
                 from ..process.heat.expansion import expand
                 expand(body, heat)
         flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
+        if self.scene.stop.force is None or self._force() < self.scene.stop.force:
+            demand_room(body)
         flow = replace(flow, iterations=flow.iterations + end.iterations)
         if heat is not None:
             flow = drifting(flow, heat)

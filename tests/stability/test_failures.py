@@ -327,3 +327,49 @@ def test_error_of_another_kind_still_writes_the_summary(tmp_path, monkeypatch):
         ff.simulate(read(BLOCK, tmp_path), tmp_path)
     left = Results.read(tmp_path)
     assert left.summary["stopped"].startswith("failed") and len(left.history) == 1
+
+
+# ---------------------------------------------------------------------- nowhere to go
+GROOVE = """
+title = "A ring in a closed groove"
+geometry = "axisymmetric"
+[materials.metal]
+flow_stress = { law = "constant", value = 100 }
+[workpieces.ring]
+shape = { kind = "rectangle", from = [20, 0], to = [30, 12] }
+material = "metal"
+mesh_size = 4
+[tools.upper]
+shape = { kind = "plane", point = [0, 12], normal = [0, -1] }
+drive = { kind = "speed", velocity = [0, -1] }
+[tools.lower]
+shape = { kind = "plane", point = [0, 0], normal = [0, 1] }
+[tools.inner]
+shape = { kind = "plane", point = [18, 0], normal = [1, 0] }
+[tools.outer]
+shape = { kind = "plane", point = [32, 0], normal = [-1, 0] }
+[steps]
+stroke = 0.4
+[stop]
+stroke = 6
+"""
+FULL = 12 - 12 * (30**2 - 20**2) / (32**2 - 18**2)      # mm of stroke after which the ring fills the groove
+
+
+def test_a_full_die_ends_the_run_where_it_is_full_and_says_so(tmp_path):
+    """The penalty would go on, with a force that grows by itself and a volume that shrinks; steps of 0.4 mm are cut
+    down to a thousandth, and what the force of landing points closes early is less than that of a side, 0.1 mm."""
+    outcome = run(GROOVE, tmp_path)
+    assert "the tools leave the body no room" in str(outcome.failure) and "stop.force" in str(outcome.failure)
+    assert outcome.last["stroke_upper_mm"] == pytest.approx(FULL, abs=0.1)
+    assert abs(outcome.last["volume_error_ring"]) < 5e-3
+    area = np.pi * (32**2 - 18**2)
+    assert np.max(outcome.results.history.column("force_upper_N")) < 12 * 100 * area, "it grows as the last gaps close"
+
+
+def test_a_full_die_is_no_failure_of_a_press_that_has_a_limit(tmp_path):
+    limit = 2e6      # N: nine times the flow stress on the whole face
+    press = f"{{ kind = 'hydraulic', speed = 1, direction = [0, -1], force = {limit} }}"
+    results = ff.simulate(ff.read_scene(scene_file(GROOVE, tmp_path), set=[f"tools.upper.drive={press}", "steps.stroke=1"]))
+    assert "force limit" in results.summary["stopped"]
+    assert results.history.rows[-1]["force_upper_N"] == pytest.approx(limit, rel=1e-3)
