@@ -37,7 +37,7 @@ class DirectSystem:
         else:
             self._bulk = SystemMatrix(workpiece.tangent_form)
         self.matrix = self._bulk if interfaces is None else CoupledMatrix(self._bulk, interfaces)
-        self._solver: DirectSolver | None = None
+        self._solver = None
         self._settling: FewPoints | None = None
         self._few: FewChanges | None = None
 
@@ -74,10 +74,19 @@ class DirectSystem:
         if self.changes is None:
             self.counts["solves"] += 1
             if self._solver is None:
-                self._solver = DirectSolver(self.matrix.petsc)
+                self._solver = self._new_solver()
             self._solver.factorise()
         self.solve_also(b, x.petsc_vec)
         x.scatter_forward()
+
+    def _new_solver(self):
+        """By fronts where all of the matrix lies on one mesh in the plane, by MUMPS elsewhere."""
+        if not isinstance(self.matrix, PlaneMatrix):
+            return DirectSolver(self.matrix.petsc)
+        from .frontal.solver import FrontalSolver
+        nodes = self._body.nodes
+        centres = nodes.mesh.geometry.x[nodes.cells[:, :3], :2].mean(axis=1)
+        return FrontalSolver(self.matrix.petsc, self.matrix.rows, centres, self._body.element.dofs)
 
     def solve_bordered(self, b: PETSc.Vec, columns, corner, right, factorised):
         """Solve with unknown motions of tools, (n,), by the matrix that they are appended to: see ``AppendedBorder``."""
@@ -86,10 +95,11 @@ class DirectSystem:
 
     def settle(self, b: PETSc.Vec, solve, border) -> None:
         """Follow the contact of the increment that ``solve(b)`` has found where few points close or open, for one body in
-        the plane; not where friction follows the pressure of the iteration before, with which they would turn round, nor
-        where a ram's energy makes its motion, which would end in another step on another number of ranks. Collective."""
+        the plane with motions of tools behind its unknowns: elsewhere another iteration takes less time. Not where friction
+        follows the pressure of the iteration before, with which they would turn round, nor where a ram's energy makes its
+        motion, which would end in another step on another number of ranks. Collective."""
         contact = self._body.contact
-        if contact is None or contact.facets.dim == 3 or self._body.interfaces is not None or any(
+        if border is None or contact.facets.dim == 3 or self._body.interfaces is not None or any(
                 (t.has_friction and t.friction.depends_on_pressure) or (t.is_sought and not t.free.deforms)
                 for t in contact.tools):
             return

@@ -13,7 +13,12 @@ KNOWN_TERMS = ("plastic", "incompressibility", "contact")      # whose tangents 
 
 
 class PlaneMatrix:
-    """The matrix (``petsc``) of the tangent of a workpiece: velocities and pressures, assembled again and again."""
+    """The matrix (``petsc``) of the tangent of a workpiece: velocities and pressures, assembled again and again.
+
+    Attributes
+    ----------
+    rows : (starts, columns, values) by rows, the values those that PETSc reads
+    """
 
     def __init__(self, workpiece: Workpiece):
         self._body = body = workpiece
@@ -39,7 +44,8 @@ class PlaneMatrix:
         rows = np.repeat(np.arange(n), np.diff(starts))
         self._given = np.flatnonzero(fixed[rows] | fixed[columns])
         self._ones = np.flatnonzero(fixed[rows] & (rows == columns))
-        self.petsc = PETSc.Mat().createAIJWithArrays((n, n), (starts, columns, self._values), comm=body.nodes.comm)
+        self.rows = starts, columns, self._values
+        self.petsc = PETSc.Mat().createAIJWithArrays((n, n), self.rows, comm=body.nodes.comm)
 
     def assemble(self, conditions) -> None:
         """Values anew; rows and columns of the conditions, which are those of the workpiece, are those of the identity."""

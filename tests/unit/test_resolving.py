@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from petsc4py import PETSc
 
 import fenics_forming as ff
@@ -41,11 +40,10 @@ def pressed(stroke: float, mode: str = "iterated", **keys) -> ff.Results:
         "process": {"tool_deformation": mode}, "steps": {"stroke": 0.25}, "stop": {"stroke": stroke}}))
 
 
-@pytest.mark.parametrize("mode", ["rigid", "iterated"])
-def test_a_billet_that_folds_onto_its_die_takes_two_iterations_a_solve(mode):
+def test_a_billet_that_folds_onto_an_elastic_die_takes_two_iterations_a_solve():
     """4.3 a step of two solves in the second half (5.3 to 5.9 where each point that lands costs an iteration of its own).
     The die that deforms has its motions behind the unknowns."""
-    assert pressed(5.0, mode).history.column("newton_iterations")[10:].mean() < 4.5
+    assert pressed(5.0).history.column("newton_iterations")[10:].mean() < 4.5
 
 
 def test_new_meshes_change_little_of_what_an_elastic_die_feels():

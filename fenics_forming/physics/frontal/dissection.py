@@ -1,0 +1,110 @@
+"""Nested dissection of a plane mesh: in which order its unknowns are eliminated, and on which fronts.
+
+The cells are halved again and again across their longer side. An unknown belongs to the smallest part of this tree that
+holds all cells around it: what lies within a half is eliminated before what both halves share (A. George, SIAM J. Numer.
+Anal. 10, 1973, 345). The front of a part is the dense matrix of its own unknowns and of those of greater parts that its
+cells touch, its boundary (I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983, 302).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+CELLS = 8       # of the smallest parts, about
+
+
+@dataclass(frozen=True)
+class Fronts:
+    """Fronts in the order of elimination, of unknowns numbered in it.
+
+    Attributes
+    ----------
+    order (unknowns,) : the unknown that comes k-th
+    first (fronts + 1,) : of the own unknowns of a front · velocities (fronts,) : how many of these are velocities, which
+        come before the pressures
+    starts (fronts + 1,) : of the boundary of a front in ``boundary`` (all,), rising
+    parents (fronts,) : -1 of the last · slots (fronts,) : 2 · depth + side, where the tree is walked depth first
+    """
+
+    order: np.ndarray
+    first: np.ndarray
+    velocities: np.ndarray
+    starts: np.ndarray
+    boundary: np.ndarray
+    parents: np.ndarray
+    slots: np.ndarray
+
+
+def fronts_of(centres: np.ndarray, dofs: np.ndarray, velocities: int) -> Fronts:
+    """Fronts of a mesh.
+
+    Parameters
+    ----------
+    centres (cells, 2) : of the cells · dofs (cells, k) : their unknowns, the first ``velocities`` of them velocities
+    """
+    depth = max(0, int(np.ceil(np.log2(len(centres) / CELLS))))
+    leaf = _leaves(centres, depth)
+    count = int(dofs.max()) + 1
+    lowest, highest = np.full(count, 2**depth), np.zeros(count, int)
+    np.minimum.at(lowest, dofs, leaf[:, None])
+    np.maximum.at(highest, dofs, leaf[:, None])
+    part = (2**depth + lowest) >> np.frexp(lowest ^ highest)[1]       # numbered as a heap: 1, its halves 2 and 3, …
+    walk = _depth_first(depth)
+    is_pressure = np.zeros(count, bool)
+    is_pressure[dofs[:, velocities:]] = True
+    order = np.lexsort((is_pressure, walk[part]))
+    rank = np.empty(count, int)
+    rank[order] = np.arange(count)
+    parts = 2 ** (depth + 1) - 1
+    own = np.bincount(walk[part], minlength=parts)
+    pressures = np.bincount(walk[part[is_pressure]], minlength=parts)
+    keys = _boundary(leaf + 2**depth, dofs, part, walk, rank)
+    starts = np.searchsorted(keys, np.arange(parts + 1) * count)
+    heap = np.argsort(walk[1:]) + 1
+    parents = np.where(heap > 1, walk[heap >> 1], -1)
+    levels = np.frexp(heap)[1] - 1
+    return Fronts(order, np.concatenate([[0], np.cumsum(own)]), own - pressures, starts, keys % count, parents,
+                  2 * levels + heap % 2)
+
+
+def _leaves(centres: np.ndarray, depth: int) -> np.ndarray:
+    """The smallest part of every cell, (cells,)."""
+    group = np.zeros(len(centres), int)
+    for level in range(depth):
+        by_group = np.argsort(group, kind="stable")
+        starts = np.searchsorted(group[by_group], np.arange(2**level))
+        extent = np.maximum.reduceat(centres[by_group], starts) - np.minimum.reduceat(centres[by_group], starts)
+        along = np.take_along_axis(centres, extent.argmax(axis=1)[group][:, None], axis=1)[:, 0]
+        ordered = np.lexsort((along, group))
+        size = np.diff(np.append(starts, len(group)))
+        place = np.empty(len(group), int)
+        place[ordered] = np.arange(len(group))
+        group = 2 * group + (2 * (place - starts[group]) >= size[group])
+    return group
+
+
+def _depth_first(depth: int) -> np.ndarray:
+    """Place of every part (numbered as a heap; 0 is none) in a walk that ends with the whole, halves before their part."""
+    walk = np.zeros(2 ** (depth + 1), int)
+    walk[1] = 2 ** (depth + 1) - 2
+    for level in range(1, depth + 1):
+        heap = np.arange(2**level, 2 ** (level + 1))
+        size = 2 ** (depth + 1 - level) - 1
+        walk[heap] = walk[heap >> 1] - 1 - np.where(heap % 2, 0, size)
+    return walk
+
+
+def _boundary(part_of_cell: np.ndarray, dofs: np.ndarray, part: np.ndarray, walk: np.ndarray, rank: np.ndarray):
+    """Place of a front times the number of unknowns, plus the rank of an unknown of its boundary: rising, (all,)."""
+    at, which = np.repeat(part_of_cell, dofs.shape[1]), dofs.ravel()
+    found = []
+    while True:
+        beyond = at != part[which]
+        at, which = at[beyond], which[beyond]
+        if not len(at):
+            return np.sort(np.concatenate(found)) if found else np.zeros(0, int)
+        keys = np.unique(walk[at] * len(part) + rank[which])
+        found.append(keys)
+        at = at >> 1

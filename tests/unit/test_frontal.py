@@ -1,0 +1,77 @@
+"""The flow in the plane, solved by fronts: what MUMPS finds, and MUMPS where a matrix is not that of a flow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fenics_forming as ff
+from fenics_forming import laws, scene
+from fenics_forming.physics.frontal.solver import FrontalSolver
+from fenics_forming.physics.linear import DirectSolver
+from fenics_forming.simulation.run import Simulation
+from tests.unit.test_plane_matrix import CASES, block
+
+
+def solved(case: str = "axisymmetric", mesh: float = 0.9):
+    """A body between two iterations, the solver of its matrix and two vectors, the first of forces."""
+    kind, law, more = CASES[case]
+    described = block(kind, law, **more)
+    top = described.workpieces["top"].model_copy(update={"mesh_size": mesh})
+    body = Simulation(described.model_copy(update={"workpieces": {"top": top}})).body
+    body.solve(0.0, body.new_history(), 0.1)
+    system = body.solver.system
+    system.assemble()
+    b = body.solver.b.copy()
+    b.array[:] = np.random.default_rng(5).standard_normal(b.array.size)
+    b.array[body.workpiece.fixed_dofs] = 0.0
+    return body.workpiece, system, b, b.duplicate()
+
+
+def by_mumps(system, b) -> np.ndarray:
+    solver, x = DirectSolver(system.matrix.petsc), b.duplicate()
+    solver.factorise()
+    solver.solve(b, x)
+    return x.array
+
+
+@pytest.mark.parametrize(("case", "mesh"), [("plane strain", 0.2), ("axisymmetric", 0.15), ("with inertia", 0.4),
+                                            ("axisymmetric", 2.0)])
+def test_fronts_find_what_mumps_finds(case, mesh):
+    """Random forces and sources: velocities and pressures to 1e-8 of the greatest, the condition of the matrix (1e6) times
+    rounding with some room. From hundreds of cells down to a single front."""
+    body, system, b, x = solved(case, mesh)
+    assert isinstance(system._solver, FrontalSolver) and system._solver.by_fronts
+    system._solver.factorise()
+    system._solver.solve(b, x)
+    expected = by_mumps(system, b)
+    pressures = np.setdiff1d(np.arange(len(expected)), body.velocity_dofs)
+    for unknowns in (body.velocity_dofs.ravel(), pressures):
+        np.testing.assert_allclose(x.array[unknowns], expected[unknowns], rtol=0,
+                                   atol=1e-8 * np.abs(expected[unknowns]).max())
+
+
+def test_a_matrix_that_is_not_definite_gets_pivots():
+    """One velocity that gives way the more it is pushed back: no factorisation of Cholesky, the answer of MUMPS."""
+    body, system, b, x = solved()
+    starts, columns, values = system.matrix.rows
+    row = int(np.setdiff1d(body.velocity_dofs.ravel(), body.fixed_dofs)[3])
+    values[starts[row] + np.flatnonzero(columns[starts[row]: starts[row + 1]] == row)] *= -1
+    system.matrix.petsc.stateIncrease()
+    system._solver.factorise()
+    system._solver.solve(b, x)
+    assert not system._solver.by_fronts
+    np.testing.assert_allclose(x.array, by_mumps(system, b), rtol=0, atol=1e-12 * np.abs(x.array).max())
+    system.assemble()
+    system._solver.factorise()      # and by fronts again where they will do
+    assert system._solver.by_fronts
+
+
+@pytest.mark.parametrize("friction", [laws.Siebel(factor=1.0), laws.Sticking(), laws.Coulomb(coefficient=0.3)])
+def test_no_solve_of_an_upsetting_needs_pivots(friction, monkeypatch):
+    """A billet folded onto rough dies, by 50 %."""
+    monkeypatch.setattr(FrontalSolver, "_factorise_with_pivots", lambda self: pytest.fail("not definite"))
+    upset = block("axisymmetric", "perfect")
+    plane = scene.Tool(shape=scene.Plane(point=(0, 2), normal=(0, -1)), friction=friction,
+                    drive=laws.SpeedDrive(velocity=(0, -1)))
+    ff.simulate(upset.model_copy(update={"tools": {"upper": plane}, "stop": scene.Stop(stroke=1.0)}))
