@@ -19,11 +19,16 @@ from . import shifting
 
 @dataclass(frozen=True)
 class Flow:
-    """The flow at one instant, by nodes: velocity (n, d) mm/s, rates of the history (n,) 1/s, iterations spent."""
+    """The flow at one instant, by nodes: velocity (n, d) mm/s, rates of the history (n,) 1/s, iterations spent.
+
+    share : of the flow that was solved for, where rams slow down in a step · pace : their mean speed in it, mm/s; else 1
+    """
 
     velocity: np.ndarray
     rates: dict[str, np.ndarray]
     iterations: int
+    share: float = 1.0
+    pace: float = 1.0
 
     @property
     def rate(self) -> np.ndarray:
@@ -150,6 +155,7 @@ class Etd2(Scheme):
     """The exponential shift; second order, exact for rigid rotation, one solve a step.
 
     The first step knows of no step before, from which the unsteady part would follow: it solves once more, half-way.
+    Where rams slow down, unsteady is what changes with their way: the step before counts as if it had been as slow.
     """
 
     name = "etd2"
@@ -168,25 +174,29 @@ class Etd2(Scheme):
         last = self._memory
         if last is None:
             return {}, {}
-        return {"dt": last.dt}, {"velocity": last.velocity, "gradient": last.gradient, "positions": last.positions,
-                                 **{f"rate.{name}": rate for name, rate in self._rates.items()}}
+        return {"dt": last.dt, "pace": last.pace}, \
+            {"velocity": last.velocity, "gradient": last.gradient, "positions": last.positions,
+             **{f"rate.{name}": rate for name, rate in self._rates.items()}}
 
     def remember(self, numbers, nodal):
         if nodal:
-            self._memory = shifting.FlowMemory(nodal["velocity"], nodal["gradient"], nodal["positions"], numbers["dt"])
+            self._memory = shifting.FlowMemory(nodal["velocity"], nodal["gradient"], nodal["positions"], **numbers)
             self._rates = {name.removeprefix("rate."): rate for name, rate in nodal.items() if name.startswith("rate.")}
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
-        x, gradient = body.x.copy(), body.velocity_gradient()
+        x, gradient = body.x.copy(), start.share * body.velocity_gradient()
         memory, rates, middle = self._memory, self._rates, None
         if memory is None:      # half a step ahead instead of a step back
             middle = self._half_way(body, start, time, history, dt, x, gradient)
             memory = shifting.FlowMemory(middle.velocity, body.velocity_gradient(), body.x.copy(), -dt / 2)
             rates = middle.rates
+        elif start.pace != memory.pace:
+            rates = {name: start.pace / memory.pace * rate for name, rate in rates.items()}
+            memory = memory.at_pace(start.pace)
         body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, memory)
         change = 0.5 * dt**2 / memory.dt      # the rates of the same material points: Adams-Bashforth
         parts = [(dt + change, start.rates), (-change, rates)]
-        self._memory, self._rates = shifting.FlowMemory(start.velocity, gradient, x, dt), start.rates
+        self._memory, self._rates = shifting.FlowMemory(start.velocity, gradient, x, dt, start.pace), start.rates
         body.place(time + dt)
         spent, solves = (0, 0) if middle is None else (middle.iterations, 1)
         return StepEnd(advanced(history, *parts), spent, solves, None, np.inf)

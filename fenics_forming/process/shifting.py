@@ -28,12 +28,19 @@ def explicit(x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FlowMemory:
-    """What ``etd2`` keeps of the last step: velocity (n, d), velocity gradient (n, d, d), positions (n, d), dt."""
+    """What ``etd2`` keeps of the last step: velocity (n, d), velocity gradient (n, d, d), positions (n, d), dt, and the
+    pace of what drives it, mm/s."""
 
     velocity: np.ndarray
     gradient: np.ndarray
     positions: np.ndarray
     dt: float
+    pace: float = 1.0
+
+    def at_pace(self, pace: float) -> FlowMemory:
+        """The same way at another pace."""
+        share = pace / self.pace
+        return FlowMemory(share * self.velocity, share * self.gradient, self.positions, self.dt / share, pace)
 
 
 def etd2(x: np.ndarray, v: np.ndarray, gradient: np.ndarray, dt: float, memory: FlowMemory | None = None,

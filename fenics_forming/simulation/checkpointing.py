@@ -79,7 +79,7 @@ def resumed(run, checkpoint: Checkpoint) -> State:
         body.inertia.remember(saved["inertia"], {name.removeprefix("inertia."): values for name, values in local.items()
                                                  if name.startswith("inertia.")}, cellwise)
     workpiece.is_cold = saved["at_rest"]        # tools that yield keep their rates in the search
-    body.search(saved["dt"])
+    body.search(run.scheme.look_ahead * saved["dt"])
     if saved["at_rest"]:
         flow = body.rest()
     else:

@@ -20,7 +20,7 @@ STEEL = {"density": "7800 kg/m^3", "young": "200 GPa", "poisson": 0.3, "conducti
          "specific_heat": "600 J/kg/K", "plastic_heat_fraction": 0.9}
 STRENGTH = 300.0        # MPa, about that of all the materials here
 STEPS = 10
-LOSSY = {"explicit": 0.05, "etd2": 0.03}       # of the volume: one solve a step, in which a hammer brakes by a third
+LOSSY = {"explicit": 0.05}       # of the volume: first order
 
 LAWS = st.sampled_from([
     {"law": "linear", "initial": 250, "hardening": 200}, {"law": "swift", "K": 450, "prestrain": 0.02, "n": 0.15},
@@ -116,8 +116,7 @@ def check_laws(scene: Scene, results) -> None:
     for name in history.columns:
         assert np.isfinite(history.column(name)).all(), name
     assert np.abs(history.column("volume_error_b")).max() < LOSSY.get(scene.scheme, 0.01)
-    dt = history.column("dt_s")
-    assert np.abs(history.column("power_imbalance"))[dt > 0.05 * np.median(dt)].max() < 1e-2    # not where a blow has died
+    assert np.abs(history.column("power_imbalance")).max() < 1e-2
     force = next(history.column(name) for name in history.columns if name.startswith("force_upper"))
     assert force.min() > -1e-6 * force.max()
     assert (np.diff(history.column("max_effective_strain")) > -0.2).all(), "strain gathers; new meshes blunt its peak"

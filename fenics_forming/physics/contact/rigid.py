@@ -15,6 +15,8 @@ from .free_motions import FreeMotions
 if TYPE_CHECKING:       # neither sparse matrices nor meshes of tools where no tool deforms
     from .deformed import DeformedSurface
 
+RISING = 0.1    # of the speed of the tools: at most that fast what has sunk into one comes out again
+
 
 @dataclass
 class ToolMotion:
@@ -238,10 +240,12 @@ class RigidContact:
         return self._speed
 
     def set_speed(self, speed: float) -> None:
-        """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to."""
+        """The speed of the tools, mm/s, which the slip regularisation and the penalty are relative to, and the speed at
+        which points that have sunk in come out again: when a blow dies away, that would be all of the flow otherwise."""
         self._speed = max(speed, 1e-30)
         self.slip0 = self.slip_regularisation * self._speed
         for tool in self.tools:
+            tool.state.gap = np.maximum(tool.state.gap, -RISING * self._speed * self.dt)
             if tool.free is not None:
                 tool.free.speed = speed
                 tool.free.prepare(self.dt)

@@ -43,7 +43,8 @@ class Rams:
         if not self._alone or not shares or max(shares) - min(shares) > ALIKE:
             return flow
         rates = {name: shares[0] * rate for name, rate in flow.rates.items()}
-        return replace(flow, velocity=shares[0] * flow.velocity, rates=rates)
+        pace = max(ram.speed for ram in self.by_tool.values())
+        return replace(flow, velocity=shares[0] * flow.velocity, rates=rates, share=shares[0], pace=pace or 1.0)
 
     @property
     def between_blows(self) -> bool:
@@ -151,12 +152,12 @@ class Ram:
     # ------------------------------------------------------------------ as a drive
     def velocity(self, time):
         now = self._now
-        if time < now.since:            # just before: at the end of a blow the flow of v → 0
-            speed = CREEP * self._impact(now.blow - 1) if now.ended else 0.0
+        if time < now.since:            # just before: at the end of a blow the flow of v → 0, in a pause rest
+            speed = CREEP * self._impact(now.blow - 1) if now.ended else 0.0 if now.since in now.turns else now.speed
         elif now.next is not None:
             speed = self._impact(now.blow) if time >= now.next else 0.0
         else:
-            speed = now.speed if now.pace is None else now.pace
+            speed = self.speed
         return speed * self.direction
 
     def travel(self, time):
@@ -230,7 +231,8 @@ class Ram:
                 self._strike(time)
             return
         way = self.travel(time) - now.travelled
-        work = force * way + yielding * (time - now.since)
+        # at the end of a blow the frame forms, not the ram: what it gives beyond the work that was felt speeds nothing up
+        work = max(force * way + yielding * (time - now.since), -stored)
         taken = (work + stored) / self.drive.forming_share
         slowing = max(force, 0.0) / self._resisting_mass
         self._overdrawn = None
@@ -275,6 +277,11 @@ class Ram:
     def between_blows(self) -> bool:
         """Whether a blow has ended and no other one begun."""
         return self._now.next is not None
+
+    @property
+    def speed(self) -> float:
+        """With which it moves in the step, mm/s."""
+        return self._now.speed if self._now.pace is None else self._now.pace
 
     @property
     def time_left(self) -> float:
