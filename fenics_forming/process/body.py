@@ -160,6 +160,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
                 iterations += agree(self, once)
         except ConvergenceError as failure:
             raise self._explained(failure) from failure
+        if border is not None and self.solved_speed > 0:
+            self.solved_speed = self.tool_speed()       # as fast as the solve has found them to be
         if self.inertia is not None:
             self.inertia.found(self, time, halfway=gaps is not None)
         return Flow(self.workpiece.velocity, self.rates(history), iterations)
@@ -179,6 +181,9 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         speed changes in every step, that is 4 instead of 20 iterations. ``speed`` of the tools that make it flow, mm/s."""
         if not self.workpiece.is_cold and self.solved_speed > 0 and speed not in (0.0, self.solved_speed):
             self.workpiece.solution.x.array[self.workpiece.velocity_dofs] *= speed / self.solved_speed
+            for tool in self.tools:
+                if tool.is_sought:
+                    tool.free.follow(speed / self.solved_speed)
         self.solved_speed = speed
 
     def _mean_rate(self, characteristic_rate: float) -> float:

@@ -82,6 +82,11 @@ class FreeMotions:
             self.resistance = self.resistance / (1.0 + more)
             self.load = (self.load + more * earlier) / (1.0 + more)
 
+    def follow(self, ratio: float) -> None:
+        """The tools have become this many times as fast: what yields to them, without mass, starts the next solve so."""
+        if not self.mass.any():
+            self.rate = ratio * self.rate
+
     def _before_now(self) -> tuple[np.ndarray | None, float]:
         """An earlier reaction Q_p (n,), N, to extrapolate from, and r: the way of the tools to the end of the horizon over
         that since then. In the middle of a step Q_p is that of its start, at a start that of the start before."""

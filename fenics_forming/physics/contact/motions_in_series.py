@@ -96,6 +96,11 @@ class MotionsInSeries:
         for part in self.parts:
             part.prepare(horizon)
 
+    def follow(self, ratio: float) -> None:
+        """See `FreeMotions.follow`."""
+        for part in self.parts:
+            part.follow(ratio)
+
     @property
     def speed(self) -> float:
         """See `FreeMotions`."""

@@ -129,6 +129,9 @@ class LimitedForce(RigidMotions):
         self.resistance = self.resistance + rise * self.horizon
         self.load = self.load - rise * (self.horizon * self._given_speed - self._passed)
 
+    def follow(self, ratio: float) -> None:
+        """The speed itself is what is sought."""
+
     def found(self, reaction: np.ndarray) -> bool:
         """Whether the solve took the wrong branch, and has to be done again with the other."""
         before = self.yields
