@@ -18,7 +18,7 @@ from ...physics.machine_code import compiled
 
 DEGREE = 3
 NEAREST = 0.3            # of the distance of the nearest vertices: nearer ones weigh no more
-FALLS = 6                # power of the distance by which weights fall; with 4 the errors are a fifth larger
+FALLS = 6                # even power of the distance by which weights fall; with 4 the errors are a fifth larger
 HELD = 1e-6              # share of the weight by which curvatures are held to zero where too few vertices tell them
 # misfit of the cubic relative to the rise of the field: up to the first it is trusted, from the second on the plane
 SMOOTH, ROUGH = 0.05, 0.1
@@ -64,24 +64,30 @@ def _patches(cells, count):
             around[filled[cells[c, i]]] = c
             filled[cells[c, i]] += 1
     vertices = np.flatnonzero(start[1:] > start[:-1])
-    seen, first = np.full(count, -1), np.zeros(len(vertices) + 1, np.int64)
-    patch = np.empty(64 * len(vertices), np.int64)
+    # the neighbours of every vertex, one list after the other; then those of the neighbours as well
+    seen, near, beside = np.full(count, -1), np.zeros(count + 1, np.int64), np.empty(width * len(around), np.int64)
+    for node in range(count):
+        found, seen[node] = near[node], node
+        for c in around[start[node]:start[node + 1]]:
+            for i in range(width):
+                if seen[cells[c, i]] != node:
+                    seen[cells[c, i]] = node
+                    beside[found] = cells[c, i]
+                    found += 1
+        near[node + 1] = found
+    seen[:], first, patch = -1, np.zeros(len(vertices) + 1, np.int64), np.empty(32 * len(vertices), np.int64)
     for row in range(len(vertices)):
-        found = first[row]
-        seen[vertices[row]] = row
-        for ring in range(2):
-            begin, end = (first[row], found) if ring else (0, 1)
-            for k in range(begin, end):
-                centre = patch[k] if ring else vertices[row]
-                for c in around[start[centre]:start[centre + 1]]:
-                    for i in range(width):
-                        node = cells[c, i]
-                        if seen[node] != row:
-                            seen[node] = row
-                            if found == len(patch):
-                                patch = np.concatenate((patch, np.empty_like(patch)))
-                            patch[found] = node
-                            found += 1
+        node, found = vertices[row], first[row]
+        seen[node] = row
+        for k in range(near[node] - 1, near[node + 1]):
+            centre = node if k < near[node] else beside[k]
+            while found + near[centre + 1] - near[centre] > len(patch):
+                patch = np.concatenate((patch, np.empty_like(patch)))
+            for other in beside[near[centre]:near[centre + 1]]:
+                if seen[other] != row:
+                    seen[other] = row
+                    patch[found] = other
+                    found += 1
         first[row + 1] = found
     return vertices, first, patch[:first[-1]]
 
@@ -91,22 +97,27 @@ def _polynomials(x, node, patch, made_of, polynomials, weights):
     """Monomials of degree 1 to 3 of the way from a vertex to its patch, over the distance of the nearest vertices, put into
     ``polynomials`` (patch, terms), and ``weights`` (patch,); that distance, mm.
 
-    made_of : (terms, 2 …) monomial and direction whose product it is; monomial -1 is 1
+    made_of : (terms, 2 …) monomial and direction whose product it is, from the second degree on
     """
-    dim, count = x.shape[1], len(patch)
-    away = np.empty(count)
+    dim, count, least = x.shape[1], len(patch), np.full(x.shape[1] + 1, np.inf)      # squares of the nearest distances
     for p in range(count):
         squares = 0.0
         for i in range(dim):
-            squares += (x[patch[p], i] - x[node, i]) ** 2
-        away[p] = np.sqrt(squares)
-    length = np.sort(away)[: dim + 1].mean()
+            polynomials[p, i] = x[patch[p], i] - x[node, i]
+            squares += polynomials[p, i] ** 2
+        weights[p] = squares
+        for i in range(dim + 1):
+            if squares < least[i]:
+                squares, least[i] = least[i], squares
+    length = 0.0
+    for i in range(dim + 1):
+        length += np.sqrt(least[i]) / (dim + 1)
     for p in range(count):
-        weights[p] = max(away[p] / length, NEAREST) ** -FALLS
-        for k in range(len(made_of)):
-            i = made_of[k, 1]
-            part = (x[patch[p], i] - x[node, i]) / length
-            polynomials[p, k] = part if made_of[k, 0] < 0 else polynomials[p, made_of[k, 0]] * part
+        weights[p] = max(weights[p] / length**2, NEAREST**2) ** -(FALLS // 2)
+        for i in range(dim):
+            polynomials[p, i] /= length
+        for k in range(dim, len(made_of)):
+            polynomials[p, k] = polynomials[p, made_of[k, 0]] * polynomials[p, made_of[k, 1]]
     return length
 
 
