@@ -10,7 +10,7 @@ from .pattern import Pattern
 from .sharing import Shared
 from .velocity_block import VelocityBlock
 
-ORDER = 4           # of the smoother, before and after
+ORDER = 6           # of the smoother, before and after; a product costs a sixteenth of one with quadratic velocities
 IN_A_GROUP = 40     # vertices, at most ...
 MOST_GROUPS = 256   # ... but no more boxes than that: every rank factorises a full matrix of six motions of each
 PASSES = 2          # that blend the groups
@@ -43,12 +43,15 @@ class CoarseSolver:
         """Take over the positions (vertices, 3) of the vertices: rigid motions belong to them."""
         self._x = x.copy()
 
-    def prepare(self) -> None:
-        """Make smoother and lowest level ready for the present values. Collective."""
-        for other in self.block.others:
-            other.prepare()
+    def prepare(self, *, again: bool = False) -> None:
+        """Make smoother and lowest level ready for the present values; ``again`` where only contact has changed, of which
+        the smoother has to know. Collective."""
+        if not again:
+            for other in self.block.others:
+                other.prepare()
         self.block.prepare_smoother()
-        self.groups.prepare(self._x)
+        if not again:
+            self.groups.prepare(self._x)
 
     def solve(self, r: np.ndarray) -> np.ndarray:
         """Velocities (vertices, 3), for all copies, of a residual of which the owners' part counts. Collective."""

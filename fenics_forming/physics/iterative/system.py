@@ -181,8 +181,8 @@ class IterativeSystem:
         """
         self.block.prepare_smoother()
         self._lighter, self._heavier = self.block.without(self._of_contact)
+        self.coarse.prepare(again=again)
         if not again:
-            self.coarse.prepare()
             self.mass.prepare()
         self.solve_also(b, self._body.increment.x.petsc_vec, self.tolerance, self._found if again else None)
         self._found = self._last

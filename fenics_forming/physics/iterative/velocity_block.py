@@ -13,7 +13,8 @@ from .sharing import Shared
 # Best polynomials of the fourth kind for a given number of products (J. Lottes, Numer. Lin. Alg. Appl. 2023, table 1).
 WEIGHTS = {1: (1.125,), 2: (1.02387287570313, 1.26408905371085),
            3: (1.00842544782028, 1.08867839208730, 1.33753125909618),
-           4: (1.00391310427285, 1.04035811188593, 1.14863498546254, 1.38268869241000)}
+           4: (1.00391310427285, 1.04035811188593, 1.14863498546254, 1.38268869241000),
+           6: (1.00128517255940, 1.01304293035233, 1.04678215124113, 1.11616489419675, 1.23829020218444, 1.43524297106744)}
 LARGER = 1.1        # than a few power iterations say is the largest eigenvalue
 FIRST, LATER = 10, 3     # power iterations: of the first matrix, and of one that follows another
 
