@@ -137,6 +137,8 @@ def nearest(points, polygon, *, closed):
     for a, b in zip(polygon if closed else polygon[:-1], ends, strict=True):
         along, offset = b - a, points - a
         length = np.hypot(*along)
+        if length == 0:         # between two fillets that take all of a side
+            continue
         share = np.clip(offset @ along / length**2, 0, 1)
         distance = np.hypot(*(offset - share[:, None] * along).T)
         to_the_left = (along[0] * offset[:, 1] - along[1] * offset[:, 0]) / length

@@ -211,8 +211,9 @@ def check_laws(scene: Scene, results) -> None:
         assert np.isfinite(history.column(name)).all(), name
     lost = np.abs(history.column("volume_error_b")).max()
     assert lost < LOSSY.get(scene.scheme, 0.01), f"{lost:.2%} of the volume"
-    assert np.abs(history.column("power_imbalance")).max() < 1e-2
     forces = np.array([history.column(name) for name in history.columns if name.startswith("force_")])
+    pushed = forces[0] > 1e-3 * forces.max()       # else there is no power to balance: a bar that is only on its way
+    assert np.abs(history.column("power_imbalance"))[pushed].max(initial=0.0) < 1e-2
     assert forces.min() > -1e-6 * forces.max(), "tools push"
     strain = history.column("max_effective_strain")
     assert (np.diff(strain) > -0.2 - 0.3 * strain[:-1]).all(), "strain gathers; new meshes blunt its peak"
@@ -221,7 +222,7 @@ def check_laws(scene: Scene, results) -> None:
             assert power >= -1e-9 * abs(results.summary["ledger"]["power"]["last_mW"]["tools"]), f"{name} takes power"
 
 
-@settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=16, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(formings())
 def test_random_forming_keeps_its_laws_or_says_why_it_cannot_go_on(values):
     scene = Scene.read(values)

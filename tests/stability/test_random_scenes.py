@@ -83,6 +83,37 @@ def check_laws(scene: Scene, results) -> None:
     assert upper.min() > -1e-6 * upper.max()
     for other in lower:
         assert np.abs(upper - other)[1:].max() < 0.03 * upper.max(), "the plates feel the same force"
+    powers = results.summary["ledger"]["power"]["last_mW"]
+    for name in ("plastic", "friction"):
+        assert powers[name] > -1e-9 * powers["tools"], f"{name} takes power"
+    if (bounds := first_force(scene)) is not None:
+        least, most = bounds
+        assert 0.995 * least < upper[0] < 1.005 * most, "of the first flow, on parallel sides: between the bounds"
+
+
+def first_force(scene: Scene) -> tuple[float, float] | None:
+    r"""Bounds of the force at the start on a block or cylinder between plates, for metals with a yield stress.
+
+    From below :math:`\int\bar\sigma\dot{\bar\varepsilon}\ge\sigma A v`, :math:`2/\sqrt3` times that in plane strain; from
+    above the power of uniform flow with the friction factors of both plates, 1 where friction is at most k (3.1).
+    """
+    body, law = scene.workpieces["b"], scene.materials["m"].flow_stress
+    low, high = np.array(body.shape.from_), np.array(body.shape.to)
+    plates = list(scene.tools.values())
+    if law.law not in ("constant", "linear") or low[0] > 0 or any(tool.shape.kind != "plane" for tool in plates):
+        return None
+    stress = law.value if law.law == "constant" else law.initial
+    width, height = high[0], high[-1] * (2 if len(plates) == 1 else 1)
+    factors = sum({"none": lambda f: 0.0, "siebel": lambda f: f.factor}.get(tool.friction.law, lambda f: 1.0)(tool.friction)
+                  for tool in plates) * (2 if len(plates) == 1 else 1)
+    if scene.geometry == "plane_strain":
+        least = 2 / np.sqrt(3) * stress * 2 * width
+        return least, least * (1 + factors * width / (4 * height))
+    if scene.geometry == "axisymmetric":
+        least = stress * np.pi * width**2
+        return least, least * (1 + factors * width / (3 * np.sqrt(3) * height))
+    # points of a square of side 1 are in the mean 0.3826 away from its middle
+    return stress * 4 * width**2, stress * 4 * width**2 * (1 + factors * 0.3826 * width / (np.sqrt(3) * height))
 
 
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

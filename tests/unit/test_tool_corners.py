@@ -16,6 +16,7 @@ from fenics_forming.process.meshes.renewing import side_labels
 from fenics_forming.process.meshes.tool_corners import drawn_to_corners, feet, hold_corners, left_corner, protruding_corners
 from fenics_forming.process.shifting import put_on_tools
 from fenics_forming.process.volume import FreeSurface
+from fenics_forming.scene.outline import nearest
 
 CORNER = np.array([0.0, 1.0])
 
@@ -151,3 +152,12 @@ def test_a_vertex_on_the_corner_stays_with_its_history():
     before = body.x.copy()
     assert hold_corners(body, history) is history
     assert np.array_equal(body.x, before)
+
+
+def test_fillets_that_take_all_of_a_side_leave_a_distance():
+    """Round by half of its width a stamp has a side of no length; its nearest point was divided by it."""
+    outline = np.array([[0, 0], [2, 0], [2, 0], [2, 3]], float)
+    with np.errstate(all="raise"):
+        distance, left = nearest([[1, 1], [3, 1]], outline, closed=False)
+    np.testing.assert_allclose(distance, [1, 1])
+    assert left.tolist() == [True, False]
