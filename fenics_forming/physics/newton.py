@@ -192,6 +192,7 @@ class FlowSolver:
             if contact.reference is None:
                 self._set_penalty(flow_stress, task.characteristic_rate)
             contact.scale_penalty(flow_stress)
+            start = perf_counter()
             for part in body.contacts:
                 if cold:
                     part.rebuild_stress()
@@ -202,6 +203,7 @@ class FlowSolver:
                 held = {"held": not cold} if part is contact and body.nodes.dim == 3 else {}
                 part.respond(body.velocity, flow_stress=self._sigma_nodes, touching=task.touching if cold else None,
                              slip0=contact.slip0 / contact.slip_regularisation if cold else None, **held)
+            self.seconds["assembly"] += perf_counter() - start
         return rate
 
     def _advance(self, task: _Task, rate: np.ndarray, ratio: float, first: bool) -> np.ndarray:
@@ -226,9 +228,11 @@ class FlowSolver:
     def _respond(self, ratio: float, iteration: int) -> np.ndarray:
         """Contact tractions at the present velocities; the resultant forces, (tools and pairs of bodies, k)."""
         body, settings = self.workpiece, self.settings
+        start = perf_counter()          # the integrands of contact at its points, as those of the body: assembly
         for part in body.contacts:
             part.respond(body.velocity, flow_stress=self._sigma_nodes, again=iteration > 1 or self.border is None,
                          slip0=body.contact.slip0 * ratio / settings.regularisation)
+        self.seconds["assembly"] += perf_counter() - start
         return self._resultants()
 
     def _resultants(self) -> np.ndarray:
