@@ -186,8 +186,7 @@ class FlowSolver:
             self._volume = body.volume()
         self.usual_power = flow_stress * task.characteristic_rate * self._volume
         self._usual_force = flow_stress * self._volume ** (1 / 2 if body.kinematics.name == "plane_strain" else 2 / 3)
-        if body.parts is not None:
-            body.set_drag(self.usual_power / self._volume)
+        body.set_drag(self.usual_power / self._volume)
         if contact is not None:
             if contact.reference is None:
                 self._set_penalty(flow_stress, task.characteristic_rate)

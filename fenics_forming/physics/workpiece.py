@@ -26,10 +26,12 @@ from .plane_element import PlaneElement
 from .point_data import PointData
 from .rate_continuity import RateContinuity
 from .settings import NewtonSettings
+from .sliding import slides_freely
 from .terms import body_force_power, drag, incompressibility, plastic, plastic_tangent
 
-# Of several bodies one may be free to move as a whole, which would make the system singular: a drag holds it where it
-# is, that takes this share of the power of plastic flow where a body moves at the speed of the tools.
+# One of several bodies may be free to move as a whole, and so is a block between smooth platens, which would make the
+# system singular: a drag holds it where it is, that takes this share of the power of plastic flow where a body moves at the
+# speed of the tools.
 DRAG = 1e-6
 
 
@@ -76,9 +78,8 @@ class Workpiece(Conditions, PointData, FlowResults):
         if mass is not None:
             from .mass import Mass
             self.mass = Mass(nodes, kinematics, mass, W, self.velocity_dofs)
-        self._compile(points, body_force, degree)
-
         self.fixed = tuple(fixed)
+        self._compile(points, body_force, degree)
         self._fix(pressure_datum)
         self.interfaces = self._interfaces(pairs) if pairs else None
         self.strain_rate = np.zeros((len(nodes.cells) * len(points), kinematics.components))
@@ -106,6 +107,11 @@ class Workpiece(Conditions, PointData, FlowResults):
         number = self.space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
         return Interfaces(self.nodes, self.kinematics, list(pairs), self.contact, dofs=number.astype(np.int64),
                           owned=self.owned, free=~np.isin(local, self.fixed_dofs))
+
+    def _slides(self) -> bool:
+        if self.contact is None or self.kinematics.name == "axisymmetric":
+            return False
+        return slides_freely(self.contact.tools, {c.component for c in self.fixed}, self.nodes.dim)
 
     def set_drag(self, usual: float) -> None:
         """Hold back bodies that are free to move; ``usual`` power of plastic flow, mW/mm³, at the speed of the tools."""
@@ -143,7 +149,7 @@ class Workpiece(Conditions, PointData, FlowResults):
         if self.mass is not None:
             of_mass, of_tangent, meters = self.mass.terms(v, dv, w, weight)
             terms, tangents = terms | of_mass, tangents | of_tangent
-        self._dragged = self.parts is not None and "inertia" not in terms
+        self._dragged = "inertia" not in terms and (self.parts is not None or self._slides())
         if self._dragged:
             self.drag = fem.Constant(mesh, 0.0)
             terms["drag"], tangents["drag"] = drag(v, w, self.drag, weight, dx), drag(dv, w, self.drag, weight, dx)
