@@ -12,6 +12,8 @@ from fenics_forming.physics import meshing
 from fenics_forming.physics.nodes import Nodes
 from fenics_forming.physics.remeshing import BodyArrays, filling, mmg, plane, remesh
 from fenics_forming.physics.remeshing.corner_cells import turned
+from fenics_forming.physics.remeshing.curve import Curve
+from fenics_forming.physics.remeshing.outline import Chain
 from fenics_forming.physics.remeshing.quality import Quality, neighbour_ratio, scaled_jacobian
 
 ENGINES = [pytest.param("mmg", marks=pytest.mark.skipif(not mmg.installed(), reason="mmgpy is not installed")), "gmsh"]
@@ -392,3 +394,12 @@ def test_mmg_has_one_door_and_it_opens_late():
         names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names if "mmgpy" in a.name}
         assert not names or path.relative_to(package).as_posix() == "physics/remeshing/mmg.py"
         assert not any(isinstance(n, ast.Import) and n.names[0].name == "mmgpy" for n in tree.body)
+
+
+@pytest.mark.parametrize("count", [9.5, 4.5])
+def test_round_off_does_not_decide_how_many_sides_a_run_gets(count):
+    """Round lengths ask for n + 1/2 sides: a cup got 9 or 10 on its rim, and another mesh, by the number of ranks."""
+    points = np.stack([np.linspace(0, count, 7), np.zeros(7)], axis=1)
+    curve = Curve(Chain(points, np.arange(7), 0, False))
+    sides = {len(curve.divide(np.full(len(curve.s), 1.0 + error), 1)) - 1 for error in (-1e-12, 0.0, 1e-12)}
+    assert sides == {int(count + 0.5)}

@@ -15,6 +15,7 @@ from .outline import Chain, angle_between
 
 STRAIGHT = 1e-9          # of the length: what rounding leaves of a straight run
 SAMPLES = 4              # of the wanted size, on each half of an old side
+UNEVEN = 1e-6            # of a side: round lengths ask for n + 1/2 sides, of which round-off must not decide
 GAUSS = np.polynomial.legendre.leggauss(4)
 
 
@@ -82,7 +83,7 @@ class Curve:
         """Arc lengths of the vertices of new sides, (n + 1,): as many as the wanted lengths h at the samples ask."""
         density = 0.5 * (1 / h[1:] + 1 / h[:-1]) * np.diff(self.s)
         number = np.concatenate([[0.0], np.cumsum(density)])
-        n = max(least, int(np.floor(number[-1] + 0.5)))
+        n = max(least, int(np.floor(number[-1] + 0.5 + UNEVEN)))
         s = np.interp(np.linspace(0.0, number[-1], n + 1), number, self.s)
         s[0], s[-1] = 0.0, self.length
         return s
