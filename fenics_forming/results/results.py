@@ -243,16 +243,25 @@ def _facts(results):
 
 
 def _tool_facts(results, tool):
-    parts, columns = [], results.history.columns
-    if f"stroke_{tool}_mm" in columns:
+    parts, columns, turns = [], results.history.columns, f"torque_{tool}_Nmm" in results.history.columns
+    if f"stroke_{tool}_mm" in columns and not (turns and not results.stroke(tool).any()):     # a roll only turns
         parts.append(f"stroke {format_quantity(results.stroke(tool)[-1], 'mm')}")
     if results.force_column(tool) in columns and np.isfinite(results.force(tool)).any():
         largest = np.nanargmax(np.abs(results.force(tool)))
         at = f" at {format_quantity(results.stroke(tool)[largest], 'mm')}" if parts else ""
-        scale, prefix = thousands(results.force(tool)[largest])
-        force = f"{results.force(tool)[largest] / scale:.4g} {prefix}{results.force_unit(tool)}"
-        parts.append(f"largest force {force}{at}")
+        at = f" at {results.history.column('time_s')[largest]:.4g} s" if turns and not parts else at
+        parts.append(f"largest force {_in_thousands(results.force(tool)[largest], results.force_unit(tool))}{at}")
+    if turns:
+        torque = results.history.column(f"torque_{tool}_Nmm")
+        if np.isfinite(torque).any():
+            unit = results.force_unit(tool).replace("N", "N m", 1)
+            parts.append(f"largest torque {_in_thousands(torque[np.nanargmax(np.abs(torque))] / 1e3, unit)}")
     return ", ".join(parts)
+
+
+def _in_thousands(value, unit):
+    scale, prefix = thousands(value)
+    return f"{value / scale:.4g} {prefix}{unit}"
 
 
 def _newton(results):

@@ -430,6 +430,15 @@ def test_results_are_read_from_a_folder_and_introduce_themselves(tmp_path, nodes
         assert fact in told
 
 
+def test_a_roll_that_only_turns_has_no_stroke_but_a_torque():
+    history = History()
+    for step, force in enumerate([0.0, 7e3, 6e3]):
+        history.append({"step": step, "time_s": 0.5 * step, "stroke_roll_mm": 0.0, "force_roll_N_per_mm": force,
+                        "torque_roll_Nmm": 20 * force})
+    told = repr(Results(None, history=history))
+    assert "largest force 7 kN/mm at 0.5 s, largest torque 140 N m/mm" in told and "stroke" not in told
+
+
 def test_at_interpolates_between_steps_and_knows_its_reach(tmp_path):
     history = History()
     for step, stroke in enumerate([0.0, 1.0, 2.0, 1.0]):
