@@ -97,10 +97,13 @@ def _overlap_problems(scene, name, body, size):
                 worst, point = inside.max(), corners[inside.argmax()]
         if worst > slack:
             at = ", ".join(f"{x:.4g}" for x in point)
-            sentence = (
-                f"overlaps the workpiece '{name}' at the start, {worst:.3g} mm deep at ({at});"
-                " move it, or turn its normal or side towards the workpiece"
+            rounded = worst < 0.5 * _largest_radius(tool.shape)      # a right corner loses 0.41 of the radius
+            advice = (
+                "move it, or do not round a hollow corner that the body fills: fillet may be one radius for each point"
+                if rounded
+                else "move it, or turn its normal or side towards the workpiece"
             )
+            sentence = f"overlaps the workpiece '{name}' at the start, {worst:.3g} mm deep at ({at}); {advice}"
             yield SceneError(sentence, key=f"tools.{tool_name}.shape", got=float(worst), allowed="no overlap")
 
 

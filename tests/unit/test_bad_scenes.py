@@ -145,6 +145,8 @@ CASES = [
     ([f"{TOOL}={PUNCH % (14.5, 0.01)}"], TOOL, "overlaps"),
     ([f"{TOOL}={{ kind = 'polyline', points = [[5, 40], [5, 14], [0, 14]] }}"], TOOL, "1 mm deep"),
     ([f"{TOOL}={{ kind = 'polyline', points = [[0, 15], [20, 15]], side = 'left' }}"], TOOL, "overlaps"),
+    ([f"{TOOL}={{ kind = 'polyline', points = [[10, 0], [10, 15], [0, 15]], fillet = 2, side = 'left' }}"], TOOL,
+     "do not round a hollow corner"),
     (["points.equator.at=[11, 0]"], "points.equator.at", "outside the workpiece 'billet'"),
     # mesh
     (["workpieces.billet.mesh_size=1 um"], "workpieces.billet.mesh_size", "too fine: about 1.6e+09 unknowns"),
