@@ -106,6 +106,22 @@ def test_two_blocks_in_space_behave_as_one():
 def test_friction_between_sliding_blocks(element, friction, per_length, coefficient):
     """REFERENCES 7: m k = 17.3205 MPa on the whole surface, or the coefficient times the normal force; the slip is a
     thousand times the regularisation, which so costs less than 1e-6."""
+    along, pressed, _ = slid(friction, element)
+    allowed = 2e-3 if element == "integration_point" else 0.015     # an end node stands for a sixth of the last side
+    assert along == pytest.approx(20 * per_length if coefficient is None else coefficient * pressed, rel=allowed)
+
+
+def test_friction_of_levanov_between_sliding_blocks():
+    """m k (1 - exp(-1.25 p / stress)) summed over the surface; what of it is over nothing has no strength to ask the law
+    with, and no warning comes of it."""
+    along, pressed, contact = slid(laws.Levanov(factor=0.3), "integration_point", row=-1)
+    expected = 0.3 * SHEAR * (1 - np.exp(-1.25 * contact.state.pressure / STRESS)) @ contact.weights
+    assert along == pytest.approx(expected, rel=2e-3) and (contact.weights == 0).any()
+    assert along < 20 * 0.3 * SHEAR * (1 - np.exp(-1.25 * pressed / 20 / STRESS))     # which is concave in the pressure
+
+
+def slid(friction, element, row=0):
+    """Forces along and across the surface of two blocks of 20 mm that slide on one another, N/mm, and their contact."""
     lower = scene.Tool(shape=scene.Plane(point=(0, 0), normal=(0, 1)), friction=laws.Sticking())
     blocks = {"a": rectangle((0, 0), (20, 5), 1.6, ()), "b": rectangle((0, 5), (20, 10), 1.3, ())}
     run = Simulation(upsetting(blocks, [between("a", "b", friction, element=element)], geometry="plane_strain",
@@ -113,10 +129,10 @@ def test_friction_between_sliding_blocks(element, friction, per_length, coeffici
                                step=0.1))
     history = run.run().history
     cosine = 1 / np.hypot(1, 0.02)
-    pressed = history.column("force_lower_N_per_mm")[0]
-    along = history.column("force_upper_N_per_mm")[0] / cosine - 0.02 * pressed
-    allowed = 2e-3 if element == "integration_point" else 0.015     # an end node stands for a sixth of the last side
-    assert along == pytest.approx(20 * per_length if coefficient is None else coefficient * pressed, rel=allowed)
+    pressed = history.column("force_lower_N_per_mm")[row]
+    assert all(np.isfinite(history.column(name)).all() for name in history.columns)
+    along = history.column("force_upper_N_per_mm")[row] / cosine - 0.02 * pressed
+    return along, pressed, run.body.interfaces.contacts[0]
 
 
 # ---------------------------------------------------------------------- opening and closing

@@ -308,7 +308,8 @@ class BodyContact:
     def _limit(self, flow_stress):
         if self.friction.law == "sticking":
             return 2 / np.sqrt(3) * flow_stress       # a bound that the material never reaches, as against rigid tools
-        return self.friction.limit(self.state.pressure, flow_stress)
+        over = flow_stress > 0      # a carrier over nothing has no strength to ask a law with
+        return np.where(over, self.friction.limit(self.state.pressure, np.where(over, flow_stress, 1.0)), 0.0)
 
     def augment(self) -> None:
         """Augmented-Lagrange update: the pressure found so far becomes the multiplier."""
