@@ -57,7 +57,8 @@ class Touching:
         touch, size = self.time_to_contact(dt), NEAR * self.size
         turns = any(t.motion.angular_velocity != 0 and (t.state.gap <= size).any() for t in self.tools)
         pushed = touch <= 1e-9 * dt if self.workpiece.is_cold else touch < dt
-        pushed = pushed or highest(self.nodes.comm, float(self.contact.is_loaded(size))) > 0
+        loaded = self.contact.is_loaded(size, ahead=0.0 if self.workpiece.is_cold else dt)
+        pushed = pushed or highest(self.nodes.comm, float(loaded)) > 0
         return pushed or highest(self.nodes.comm, float(turns)) > 0 or \
             self.interfaces is not None and self.interfaces.interferes(size)
 

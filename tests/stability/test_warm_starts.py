@@ -47,7 +47,8 @@ def test_a_crank_press_on_a_frame_with_friction_comes_to_rest_without_effort():
                     law={"law": "swift", "K": 700, "prestrain": 0.01, "n": 0.2}, stop={"dead_centre": True},
                     friction={"law": "coulomb", "coefficient": 0.12})
     assert per_solve(results) < WARM
-    assert results.history.column("newton_iterations")[1:].max() <= 16      # two solves; 47 when the ram came to rest
+    # two solves a step, the last at a hundredth of the speed, while the frame springs back; 47 in two before
+    assert results.history.column("newton_iterations")[1:].max() <= 24
 
 
 def test_blows_of_a_screw_press_on_a_frame_take_their_energy_out_without_effort():
@@ -67,3 +68,17 @@ def test_blows_of_a_screw_press_on_a_frame_take_their_energy_out_without_effort(
         left = middle
     assert results.history.column("force_ram_N").max() == pytest.approx(flow_stress * volume / left, rel=1e-3)
     assert per_solve(results) < WARM
+
+
+def test_a_crank_on_a_frame_still_presses_at_its_dead_centre_by_the_way_that_the_frame_has_yielded():
+    height, radius, flow_stress, frame = 30.0, 20.0, 300.0, 1.5e6
+    results = upset({"kind": "crank_press", "radius": 100, "rod": 600, "speed": "60 rpm", "direction": [0, -1],
+                     "dead_centre": 12, "stiffness": frame}, law={"law": "constant", "value": flow_stress}, radius=radius,
+                    height=height, steps={"stroke": 0.75}, stop={"dead_centre": True})
+    left = height - 12
+    for _ in range(20):     # left = 18 mm + F / K, F = flow stress x volume / left
+        left = height - 12 + flow_stress * np.pi * radius**2 * height / left / frame
+    force = flow_stress * np.pi * radius**2 * height / left
+    # the last step takes 4 % of the way and 4 % of the force, while the speed falls to nothing
+    assert results.summary["extents_mm"]["w"]["z"][1] - (height - 12) == pytest.approx(force / frame, rel=0.02)
+    assert results.history.column("force_ram_N")[-1] == pytest.approx(force, rel=0.01)

@@ -133,7 +133,7 @@ class ElasticMotions(FreeMotions):
     # ------------------------------------------------------------------ in a solve
     def moved(self, motion, time: float):
         """The motion of the drive as it is; the surface is displaced as it is at a time."""
-        self.now = time
+        self.goes(motion, time)
         self.deformed.u.ravel()[:] = self.solved_at[0]
         self.deformed.u.ravel()[self.unknown] = self.at(time)
         return motion

@@ -56,10 +56,20 @@ class FreeMotions:
         self.speed = 0.0
         self._start: tuple[float, np.ndarray, float] | None = None      # time, Q and speed of the last solve at a start
         self._goes_on = False           # whether Q goes on smoothly from there
+        self._set_out: np.ndarray | None = None    # where the drive had the tool at ``since``
+        self._gone: tuple[float, float] | None = None   # its way since then, mm, and its speed now
         self._implicit = 0.5 if self.mass.any() else 1.0
         self.basis, self.given, self.earlier, self.pace = None, False, np.zeros(count), np.zeros(count)
 
     # ------------------------------------------------------------------ in time
+    def goes(self, motion, time: float) -> None:
+        """The drive has its tool there at a time, and so fast."""
+        self.now, self._gone = time, None
+        if self._set_out is None or time <= self.since:
+            self._set_out = motion.displacement
+        else:
+            self._gone = tuple(float(np.linalg.norm(v)) for v in (motion.displacement - self._set_out, motion.velocity))
+
     def at(self, time: float) -> np.ndarray:
         """Displacements with the present rates at a time, (n,); before ``since`` those of then."""
         return self.displacement + max(time - self.since, 0.0) * self.rate
@@ -70,7 +80,7 @@ class FreeMotions:
         with_mass = self.mass > 0
         self.velocity = np.where(with_mass, self.velocity + 2 * (time - self.since) / self.horizon *
                                  (self.rate - self.velocity), self.rate)
-        self.since, self.reaction = time, None
+        self.since, self.reaction, self._set_out = time, None, None
 
     def prepare(self, horizon: float) -> None:
         """Resistance and load of a solve whose rates hold for ``horizon``, s, from the settled state on."""
@@ -92,7 +102,11 @@ class FreeMotions:
         that since then. In the middle of a step Q_p is that of its start, at a start that of the start before."""
         passed = self.now - self.since
         if passed > 1e-9 * self.horizon:
-            return (self.reaction, self.horizon / passed - 1.0) if passed < (1 - 1e-9) * self.horizon else (None, 0.0)
+            whole = self.horizon / passed
+            if self._gone is not None and self._gone[0] > 0:
+                # nodes go on with the velocity in the middle: of a crank that comes to rest that is 4/3 of the way so far
+                whole = min(max(self._gone[1] * self.horizon / self._gone[0], 1.0), whole)
+            return (self.reaction, whole - 1.0) if passed < (1 - 1e-9) * self.horizon else (None, 0.0)
         if not self._goes_on:
             return None, 0.0
         time, reaction, speed = self._start
@@ -164,7 +178,7 @@ class FreeMotions:
 
     def remember(self, memory) -> None:
         """Take over what :meth:`memory` gave."""
-        self.given = bool(memory["given"])
+        self.given, self._set_out = bool(memory["given"]), None
         for name in ("displacement", "velocity", "rate", "force", "earlier", "pace"):
             setattr(self, name, np.array(memory[name], float))
         self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
@@ -195,7 +209,8 @@ class RigidMotions(FreeMotions):
 
     def moved(self, motion, time: float):
         """The motion of the drive with the displacements of these motions at a time added to its placement."""
-        self.now, u, k = time, self.at(time), len(self.directions)
+        self.goes(motion, time)
+        u, k = self.at(time), len(self.directions)
         return replace(motion, displacement=motion.displacement + u[:k] @ self.directions,
                        angle=motion.angle + (u[k] if self.rotates else 0.0))
 

@@ -273,13 +273,14 @@ class RigidContact:
                 tool.free.rate = tool.free.unopposed()
                 tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
 
-    def is_loaded(self, touching: float) -> bool:
-        """Whether a tool that yields would come nearer where it touches, if nothing opposed it: on this rank."""
+    def is_loaded(self, touching: float, ahead: float = 0.0) -> bool:
+        """Whether a tool that yields would come nearer where it touches, or touch within ``ahead``, s, if nothing opposed
+        it: on this rank."""
         for tool in (t for t in self.tools if t.free is not None):
             rate = tool.free.rate if tool.free.given else tool.free.unopposed()
             coming = tool.given_velocity + tool.free.velocities(rate)
             closing = np.einsum("pi,pi->p", coming, tool.state.normal)
-            if ((tool.state.gap <= touching) & (closing > 1e-9 * self._speed)).any():
+            if ((closing > 1e-9 * self._speed) & (tool.state.gap <= touching + ahead * closing)).any():
                 return True
         return False
 
