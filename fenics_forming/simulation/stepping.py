@@ -12,7 +12,7 @@ from ..errors import ConvergenceError, MeshError
 from ..process.approach import free_way
 from ..process.body import FlowingBody
 from ..process.integration import StepEnd, drifting
-from ..process.meshes.tool_corners import hold_corners
+from ..process.meshes.at_tools import hold_at_tools
 from ..process.room import demand_room
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
@@ -173,7 +173,7 @@ class Stepper:
         end = self._travel(gathering, state.time + dt) if travels else \
             scheme.advance(body, start, state.time, gathering, dt)
         body.settle(self.choice.end_of(state.time, dt))
-        history = end.history if travels or self.keeper is None else hold_corners(body, end.history)
+        history = end.history if travels or self.keeper is None else hold_at_tools(body, end.history)
         changes = {} if travels else self._account_for_volume()
         time = self.choice.end_of(state.time, dt)
         turns = time in self.stops.turns

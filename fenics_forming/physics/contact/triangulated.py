@@ -1,6 +1,7 @@
 """Tool surfaces made of triangles, usually from an STL file."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -100,16 +101,21 @@ class Triangulated:
 
     def edges(self):
         """Ends (e, 2, 3) in mm of the sharp edges that protrude; see `surfaces.Surface.edges`."""
-        start, end, turn, _, protrudes = _inner_edges(self.vertices[self.triangles], self.triangles)
+        return self.sharp_edges[0]
+
+    @cached_property
+    def sharp_edges(self):
+        """Ends (e, 2, 3) in mm of the sharp edges that protrude, and the unit normals (e, 2, 3) on either side."""
+        start, end, turn, _, protrudes, normals = _inner_edges(self.vertices[self.triangles], self.triangles)
         sharp = protrudes & (turn >= FACETED[1])
-        return np.stack([start[sharp], end[sharp]], axis=1)
+        return np.stack([start[sharp], end[sharp]], axis=1), normals[sharp]
 
     def roundings(self, spacing):
         """Points on edges between facets of a rounding, its radius and, as it is not known, a quarter of a turn.
 
         Facets of height h that follow a radius R turn by h / R from one to the next. See `surfaces.Surface.roundings`.
         """
-        start, end, turn, height, _ = _inner_edges(self.vertices[self.triangles], self.triangles)
+        start, end, turn, height, *_ = _inner_edges(self.vertices[self.triangles], self.triangles)
         rounded = (turn > FACETED[0]) & (turn < FACETED[1])
         start, end, radius = start[rounded], end[rounded], (height / np.where(turn > 0, turn, 1.0))[rounded]
         count = np.maximum(np.ceil(np.linalg.norm(end - start, axis=1) / spacing), 2).astype(int)
@@ -198,7 +204,7 @@ def _edges(triangles):
 
 def _inner_edges(corners, triangles):
     """Edges between two triangles: their ends (e, 3), the angle between the normals (e,), the mean height (e,), whether
-    there is less tool than space around them (e,)."""
+    there is less tool than space around them (e,), the unit normals of both (e, 2, 3)."""
     edge, _ = _edges(triangles)
     order = np.argsort(edge, axis=None, kind="stable")
     twin = np.flatnonzero(edge.ravel()[order][1:] == edge.ravel()[order][:-1])
@@ -210,7 +216,7 @@ def _inner_edges(corners, triangles):
     turn = np.arctan2(np.linalg.norm(across, axis=1), np.einsum("ij,ij->i", face[a], face[b]))
     height = 0.5 * (area[a] + area[b]) / np.linalg.norm(end[one] - start[one], axis=1)
     protrudes = np.einsum("ij,ij->i", across, end[one] - start[one]) > 0
-    return start[one], end[one], turn, height, protrudes
+    return start[one], end[one], turn, height, protrudes, np.stack([face[a], face[b]], axis=1)
 
 
 def _open_edges(triangles):

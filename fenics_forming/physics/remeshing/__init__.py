@@ -11,7 +11,8 @@ __all__ = ["BodyArrays", "Landing", "Remeshed", "boundary_sides", "remesh"]
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None = None, corner_angle: float = 40.0,
-           engine: str = "auto", least: float | None = None, landing: Landing | None = None) -> Remeshed:
+           engine: str = "auto", least: float | None = None, landing: Landing | None = None,
+           corners: np.ndarray | None = None) -> Remeshed:
     """Mesh a body anew, on one rank.
 
     The new boundary lies on the old one, vertices and mid-nodes alike. Corners, the ends of runs of one label and
@@ -26,6 +27,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
     corner_angle : a boundary that turns by more than this, in degrees, has a corner (an edge in 3-D)
     least : of a plane body: curvature, chord and short runs ask for no finer sides, mm
     landing : of a plane body: what hovers just above tools lands on them, see `Landing`
+    corners : (k, 3) of a solid: places where kept lines have a corner, whatever their shape
     engine : "mmg", "gmsh", or "auto": mmg where it is installed, gmsh otherwise and as its rescue
 
     Raises
@@ -38,4 +40,4 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
         return plane.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine, least=least,
                             landing=landing)
     from . import solid
-    return solid.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine)
+    return solid.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine, corners=corners)

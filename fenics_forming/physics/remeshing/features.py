@@ -12,11 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from ...errors import MeshError
 
 # nodes of the edges of a facet: ends, middle; the mid-nodes of a facet follow its vertices and face them
 FACET_EDGES = ((1, 2, 3), (2, 0, 4), (0, 1, 5))
+
+
+SAME = 1e-9             # of the size of the body: a node as near to a place is there
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,14 @@ class Features:
     corners: np.ndarray
 
 
-def find_features(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float) -> Features:
+def find_features(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float,
+                  places: np.ndarray | None = None) -> Features:
     """The features of the boundary facets ``sides`` (f, 6) of order 2 with their labels (f,).
 
     Parameters
     ----------
     corner_angle : degrees by which a smooth surface, or a smooth line, may turn from facet to facet
+    places : (k, 3) mm; nodes of kept edges there are corners
 
     Raises
     ------
@@ -67,6 +73,10 @@ def find_features(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_a
     edges, sharp = edges[kept], sharp[kept]
     between = np.sort(np.stack([patch[first[kept]], patch[second[kept]]], axis=1), axis=1)
     corners = _corners(x, edges, sharp, between, limit)
+    if places is not None and len(places) and len(edges):
+        ends = np.unique(edges[:, :2])
+        away, row = cKDTree(x[ends]).query(places)
+        corners = np.union1d(corners, ends[row[away < SAME * np.ptp(x, axis=0).max()]])
     return Features(patch, patch_labels, edges, _runs(edges, corners), ~sharp, corners)
 
 

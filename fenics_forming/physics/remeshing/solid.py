@@ -27,11 +27,11 @@ ROUNDS = 3              # of moving nodes to better places and back onto the sur
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float,
-           engine: str) -> Remeshed:
+           engine: str, corners: np.ndarray | None = None) -> Remeshed:
     """See `fenics_forming.physics.remeshing.remesh`."""
     cells = oriented(body.x, body.cells[:, :4])
     sides = _oriented_sides(body, cells)
-    features = find_features(body.x, sides, np.asarray(labels), corner_angle)
+    features = find_features(body.x, sides, np.asarray(labels), corner_angle, corners)
     surface = OldSurface(body.x, sides, features)
     sizes = within_chord(sizes, body.x, sides, chord)
     old, best, most = _straight(body.x, cells, sides, features), None, -1.0

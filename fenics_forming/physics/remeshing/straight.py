@@ -115,7 +115,7 @@ def one_side_each(mesh: Straight) -> Straight:
         wanted = np.unique(number[opposite])
         if not len(wanted):
             break
-        x, cells = _split_edges(x, cells, edges, number, wanted)
+        x, cells = split_edges(x, cells, edges, number, wanted)
     return _with_centres(mesh, x, cells)
 
 
@@ -128,20 +128,23 @@ def _edges_of_faces(exterior):
     return touched
 
 
-def _split_edges(x, cells, edges, number, wanted):
-    """Halve the wanted edges that are the longest wanted one in all their cells, and those cells."""
+def split_edges(x, cells, edges, number, wanted, places=None):
+    """Cut the wanted edges that are the longest wanted one in all their cells, and those cells.
+
+    places : (len(wanted), 3) where each is cut, mm; in the middle unless given
+    """
+    places = x[edges[wanted]].mean(axis=1) if places is None else places
     length = np.linalg.norm(x[edges[wanted, 1]] - x[edges[wanted, 0]], axis=1)
-    rank = np.full(len(edges), len(wanted))
-    rank[wanted[np.argsort(-length, kind="stable")]] = np.arange(len(wanted))
+    rank, order = np.full(len(edges), len(wanted)), np.argsort(-length, kind="stable")
+    rank[wanted[order]] = np.arange(len(wanted))
     ranks = rank[number]
     best = ranks.min(axis=1)
     beaten = np.zeros(len(wanted) + 1, bool)
     beaten[ranks[ranks > best[:, None]]] = True
     cut = (best < len(wanted)) & ~beaten[best]
     chosen, which = np.unique(best[cut], return_inverse=True)
-    edge = wanted[np.argsort(-length, kind="stable")][chosen]
     middle = len(x) + which.ravel()
-    x = np.concatenate([x, x[edges[edge]].mean(axis=1)])
+    x = np.concatenate([x, places[order[chosen]]])
     local = ranks[cut].argmin(axis=1)
     ends, old, row = np.array(EDGES[3])[local], cells[cut], np.arange(cut.sum())
     one, other = old.copy(), old.copy()

@@ -18,7 +18,7 @@ from ...physics.remeshing.quality import overturned, scaled_jacobian
 from ...physics.surface import Surface
 from ..body import FlowingBody
 from ..volume import FreeSurface
-from .tool_corners import drawn_to_corners
+from .at_tools import drawn_to_tools
 from .transfer import Transfer, conservation
 
 LANDED = 3e-3     # of the size of a contact facet: a side that hovers less than this above a tool has landed on it
@@ -105,11 +105,12 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
     """
     labels = side_labels(old, tools, mirrors, landed)
     wanted = sizes(old, labels, given.linear | given.quadratic)
-    drawn = drawn_to_corners(old, wanted, tools, mirrors)
+    drawn, corners = drawn_to_tools(old, wanted, tools, mirrors)
     labels = labels if drawn is old else side_labels(drawn, tools, mirrors, landed)
     landing = Landing({k: tool.gap for k, tool in enumerate(tools, start=1)},
                       lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
-    made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing)
+    made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing,
+                  corners=corners)
     surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
     start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
     new = surface.volume(made.x)

@@ -54,6 +54,12 @@ def drawn_to_corners(body: BodyArrays, sizes, tools, mirrors: dict[int, float]) 
     return body
 
 
+def with_edges(tools) -> list:
+    """The tools in space that have sharp edges which protrude."""
+    return [tool for tool in tools if tool.surface.dimension == 3 and tool.surface.radius is None
+            and len(tool.surface.edges())]
+
+
 def protruding_corners(tool) -> np.ndarray:
     """Sharp corners of a tool at its present place, (k, 2) mm, around which there is less tool than space."""
     corners = tool.motion.to_space(np.asarray(tool.surface.corners(), float).reshape(-1, len(tool.motion.displacement)))
