@@ -176,6 +176,28 @@ def test_a_stalled_iteration_is_solved_directly_and_says_so():
     np.testing.assert_allclose(body.contact.forces(), directly.contact.forces(), rtol=1e-9)
 
 
+def test_points_that_close_within_an_increment_are_known_to_the_smoother_of_the_vertices():
+    """Contact a hundred times stiffer than when the smoother was made would be enlarged by it, not damped: up to thirty
+    instead of three iterations to settle points at 325 000 unknowns."""
+    body = Simulation(cube(linear="iterative")).body
+    body.solve(0.0, body.new_history(), 0.1)
+    system, facets, b = body.solver.system.iterative, body.contact.facets, anything(body)
+    system.follow()
+    system.assemble()
+    system.solve(b)
+    tool, = body.contact.tools
+    facets.set_traction(tool.traction, 100.0 * tool.tangent)
+    system.follow_contact()
+    system.solve(b, again=True)
+    vertices = system.coarse.block
+    v = np.random.default_rng(1).standard_normal(vertices.free.shape) * vertices.free
+    for _ in range(50):
+        v /= np.linalg.norm(v)
+        forces = vertices.free_times(v, np.empty_like(v))
+        v = np.einsum("nij,nj->ni", vertices._inverse.reshape(-1, 3, 3), forces)
+    assert np.linalg.norm(v) < 1.1 * vertices.largest
+
+
 def pressed(steps, **solver):
     """Iterations of every solve, and the body at the end, of the cube that goes down under its ball step by step."""
     body = Simulation(cube(linear="iterative", **solver)).body
