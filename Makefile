@@ -1,7 +1,7 @@
 # Every target sets up what it needs on first use; see env/run.
 RUN = env/run
 
-.PHONY: demo test test-long bench peers verification lint shell format
+.PHONY: demo test test-long bench peers verification gallery notebooks lint shell format
 
 demo:        ## upset the billet and draw it
 	$(RUN) python3 demos/billet_upsetting.py
