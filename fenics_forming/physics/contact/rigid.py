@@ -274,13 +274,15 @@ class RigidContact:
                 tool.state.tool_velocity = tool.given_velocity + tool.free.velocities()
 
     def is_loaded(self, touching: float, ahead: float = 0.0) -> bool:
-        """Whether a tool that yields would come nearer where it touches, or touch within ``ahead``, s, if nothing opposed
-        it: on this rank."""
+        """Whether a tool that yields would come nearer where it touches, if nothing opposed it: on this rank. So does one
+        that its drive, as fast as it is now, would have touch within ``ahead``, s: a crank just before its dead centre."""
         for tool in (t for t in self.tools if t.free is not None):
             rate = tool.free.rate if tool.free.given else tool.free.unopposed()
             coming = tool.given_velocity + tool.free.velocities(rate)
             closing = np.einsum("pi,pi->p", coming, tool.state.normal)
-            if ((closing > 1e-9 * self._speed) & (tool.state.gap <= touching + ahead * closing)).any():
+            driven = np.einsum("pi,pi->p", tool.given_velocity, tool.state.normal)
+            near = touching + ahead * np.clip(driven, 0.0, closing.clip(0.0))
+            if ((closing > 1e-9 * self._speed) & (tool.state.gap <= near)).any():
                 return True
         return False
 

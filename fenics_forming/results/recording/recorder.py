@@ -165,15 +165,17 @@ class Recorder:
         return float(force @ direction) * self.bodies.copies(direction)
 
     def _working_direction(self, tool) -> np.ndarray:
-        """Direction in which a tool pushes: along the way of its drive, towards the body where that leads away from it; at
-        rest, or only turning, towards the body as it was at the start, along the way of the main tool where it faces that,
-        else along an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant."""
+        """Direction in which a tool pushes: along the way of its drive, or against it where that leads away from all of the
+        body; at rest, or only turning, towards the body as it was at the start, along the way of the main tool where it
+        faces that, else along an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a
+        resultant."""
         drive = self.scene.tools[tool.name].drive
         low, high = np.array(self.run.start_extents)
-        normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
         if drive is not None and drive.direction is not None:
             way = np.asarray(drive.direction, float)
-            return -way if normal @ way < -FACES else way
+            corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, len(low))
+            return -way if (tool.gap(corners)[1] @ way < -FACES).all() else way
+        normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
         axis = int(np.argmax(np.abs(normal)))
         main = self.scene.counting_tool and self.scene.tools[self.scene.counting_tool].drive.direction
         if self.scene.geometry == "axisymmetric":
