@@ -71,6 +71,8 @@ def plot_force_stroke(
     ax.margins(x=0.02)
     ax.spines[["top", "right"]].set_visible(False)
     if all(np.nanmin(run.force(tool), initial=0.0) >= 0 for run in runs):
+        ax.update_datalim([(ax.dataLim.x0, 0.0)])       # so that the room above a nearly even curve is a share of the force
+        ax.autoscale_view()
         ax.set_ylim(bottom=0.0)
     if len(runs) == 1:
         ax.set_title(wrapped(runs[0].title), fontsize="medium")
