@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.gmshio import cell_perm_array
 
 from ..errors import MeshError
-from .nodes import EDGES, QUADRATURE_DEGREE, quadratic_shapes
+from .nodes import EDGES, QUADRATURE_DEGREE, quadratic_shapes, single
 
 NODES = {2: 6, 3: 10}
 _GMSH_TYPE = {2: 9, 3: 11}
@@ -95,8 +95,7 @@ def split_corner_cells(x: np.ndarray, cells: np.ndarray, dim: int) -> tuple[np.n
     corners = cells[:, : dim + 1]
     sides = np.sort(np.stack([np.delete(corners, i, axis=1) for i in range(dim + 1)], axis=1), axis=2).reshape(-1, dim)
     keys = sides @ len(x) ** np.arange(dim, dtype=np.int64)       # one number a side: rows are sorted ten times as slowly
-    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    exterior = (counts[inverse.ravel()] == 1).reshape(-1, dim + 1)
+    exterior = single(keys).reshape(-1, dim + 1)
     cut = exterior.sum(axis=1) > 1
     if not cut.any():
         return x, cells

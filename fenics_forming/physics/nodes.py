@@ -61,11 +61,11 @@ class Nodes:
     def cell_sizes(self) -> np.ndarray:
         """Straight-sided area or volume of the owned cells, (cells,)."""
         p = self.x[self.vertices]
-        return np.abs(_determinants(p[:, 1:] - p[:, :1])) / (2.0 if self.dim == 2 else 6.0)
+        return np.abs(determinants(p[:, 1:] - p[:, :1])) / (2.0 if self.dim == 2 else 6.0)
 
     def smallest_jacobian(self) -> float:
         """Smallest determinant of the cell maps at the integration points, mm² or mm³; negative: inverted."""
-        oriented = _determinants(self._local_gradients(self.x)) * self._orientation[:, None]
+        oriented = determinants(self._local_gradients(self.x)) * self._orientation[:, None]
         return float(oriented.min()) if oriented.size else np.inf
 
     def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
@@ -155,7 +155,7 @@ class Nodes:
                          highest(self.comm, self.x.max(axis=0, initial=-np.inf))])
 
 
-def _determinants(tensors: np.ndarray) -> np.ndarray:
+def determinants(tensors: np.ndarray) -> np.ndarray:
     """Determinants of (..., dim, dim); in the plane by the formula, ten times as fast as by factors."""
     if tensors.shape[-1] > 2:
         return np.linalg.det(tensors)
@@ -170,8 +170,19 @@ def mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Mid-nodes of all edges and the two vertices of each: (m,), (m, 2)."""
     mids = cells[:, dim + 1:].ravel()
     ends = np.stack([cells[:, list(e)] for e in EDGES[dim]], axis=1).reshape(-1, 2)
-    mids, first = np.unique(mids, return_index=True)
-    return mids, ends[first]
+    first = np.full(int(mids.max(initial=-1)) + 1, -1)
+    first[mids[::-1]] = np.arange(len(mids))[::-1]
+    mids = np.flatnonzero(first >= 0)
+    return mids, ends[first[mids]]
+
+
+def single(keys: np.ndarray) -> np.ndarray:
+    """Which of some whole numbers (k,) occur only once, (k,)."""
+    order = np.argsort(keys, kind="stable")
+    twice = np.flatnonzero(keys[order][1:] == keys[order][:-1])
+    once = np.ones(len(keys), dtype=bool)
+    once[order[twice]] = once[order[twice + 1]] = False
+    return once
 
 
 def quadratic_shapes(barycentric: np.ndarray, dim: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from .facets import exterior_facets
 from .kinematics import Kinematics
 from .locating import by_coordinate
-from .nodes import EDGES, Nodes, quadratic_shapes
+from .nodes import EDGES, Nodes, determinants, quadratic_shapes
 from .parallel import total
 
 # vertices of the facets of a cell whose Jacobian is positive: body on the left (2-D), normal outwards (3-D)
@@ -55,10 +55,10 @@ class Surface:
     def volume(self, x: np.ndarray) -> float:
         """Volume enclosed when the nodes are at ``x`` (n, dim), mm³ (mm² in plane strain). Collective."""
         p = x[self.sides]
-        at, normal = np.matmul(self._shape, p) - self._middle, self._area_vectors(self._gradient, p)
-        if self.kinematics.name == "axisymmetric":
-            flux = np.pi * (at[..., 0] + self._middle[0]) ** 2 * normal[..., 0]
+        if self.kinematics.name == "axisymmetric":        # of all sides at once: it is asked for many times an offset
+            flux = np.pi * (p[..., 0] @ self._shape.T) ** 2 * (p[..., 1] @ self._gradient[0].T)
         else:
+            at, normal = np.matmul(self._shape, p) - self._middle, self._area_vectors(self._gradient, p)
             flux = np.einsum("fqi,fqi->fq", at, normal) / self.dim
         return float(total(self.comm, (flux @ self._weights).sum()))
 
@@ -179,7 +179,7 @@ def sides_of(cells: np.ndarray, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
     table = np.array([[*f, *(mid[frozenset((f[a], f[b]))] for a, b in EDGES[dim - 1])] for f in FACETS[dim]])
     p = x[cells[:, : dim + 1]]
     nodes = table[facet]
-    mirrored = np.linalg.det(p[:, 1:] - p[:, :1]) < 0
+    mirrored = determinants(p[:, 1:] - p[:, :1]) < 0
     # exchanging the first two vertices turns a facet over; in 3-D the mid-nodes opposite to them go along
     nodes[mirrored] = nodes[mirrored][:, {2: [1, 0, 2], 3: [1, 0, 2, 4, 3, 5]}[dim]]
     return np.take_along_axis(cells, nodes, axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..physics.kinematics import Kinematics
 from ..physics.locating import slopes
-from ..physics.nodes import Nodes, mid_nodes
+from ..physics.nodes import Nodes, determinants, mid_nodes
 from ..physics.parallel import highest, lowest
 from ..physics.surface import Surface
 from .shifting import put_on_tools
@@ -204,6 +204,9 @@ class FreeSurface:
 def _heights(p: np.ndarray) -> np.ndarray:
     """Least height of straight-sided cells, (m, dim + 1, dim) → (m,)."""
     edges = p[:, 1:] - p[:, :1]
+    if p.shape[2] == 2:
+        opposite = np.concatenate([edges[:, 1:] - edges[:, :1], edges], axis=1)
+        return np.abs(determinants(edges)) / np.sqrt((opposite**2).sum(axis=2).max(axis=1))
     # the rows of the inverse are the gradients of the barycentric coordinates, one over the heights
     gradients = np.linalg.inv(edges)
     gradients = np.concatenate([-gradients.sum(axis=2, keepdims=True), gradients], axis=2)
@@ -216,6 +219,6 @@ def _jacobians(p: np.ndarray) -> np.ndarray:
     at = np.concatenate([np.eye(dim + 1), np.full((1, dim + 1), 1 / (dim + 1))])
     slope = np.swapaxes(slopes(at, dim), 1, 2)
     gradient = slope[:, 1:] - slope[:, :1]
-    return np.linalg.det(np.matmul(gradient, p[:, None]))
+    return determinants(np.matmul(gradient, p[:, None]))
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..locating import Locator
+from ..nodes import single
 from ..surface import FACETS, sides_of
 
 
@@ -66,8 +67,7 @@ def boundary_sides(cells: np.ndarray, dim: int, x: np.ndarray) -> np.ndarray:
     corners = cells[:, : dim + 1]
     local = np.array(FACETS[dim])
     facets = corners[:, local].reshape(-1, dim)
-    _, inverse, count = np.unique(keys(facets, len(x)), return_inverse=True, return_counts=True)
-    cell, facet = np.divmod(np.flatnonzero(count[inverse.ravel()] == 1), dim + 1)
+    cell, facet = np.divmod(np.flatnonzero(single(keys(facets, len(x)))), dim + 1)
     return sides_of(cells[cell], facet, x)
 
 

@@ -15,17 +15,19 @@ from .quality import radius_ratio
 def turned(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """The triangles with the diagonal behind a corner turned wherever that beats cutting the corner's triangle.
 
-    x : (n, 2); triangles : (m, 3), counter-clockwise; sides : (f, 2) vertices of the boundary
+    x : (n, 2); triangles : (m, 3), counter-clockwise; sides : (f, 2) vertices of the boundary, body on the left
     """
     edges = np.stack([np.roll(triangles, -1 - k, axis=1)[:, :2] for k in range(3)], axis=1)   # opposite to vertex k
     key = keys(edges.reshape(-1, 2), len(x)).reshape(-1, 3)
-    outside = np.isin(key, keys(sides, len(x)))
+    following = np.full(len(x), -1)
+    following[sides[:, 0]] = sides[:, 1]
+    outside = following[edges[..., 0]] == edges[..., 1]
     cell = np.flatnonzero(outside.sum(axis=1) == 2)
     inner = np.argmin(outside[cell], axis=1)
     corner, (a, b) = triangles[cell, inner], edges[cell, inner].T
 
     # the neighbour across the inner edge, and its vertex opposite
-    flat = np.where(np.isin(np.arange(len(triangles)), cell)[:, None], -1, key).ravel()
+    flat = np.where((outside.sum(axis=1) == 2)[:, None], -1, key).ravel()
     order = np.argsort(flat, kind="stable")
     found = order[np.minimum(np.searchsorted(flat[order], key[cell, inner]), len(order) - 1)]
     neighbour, opposite = np.divmod(found, 3)

@@ -42,9 +42,7 @@ class Curve:
             place = ", ".join(f"{c:.6g}" for c in chain.points[np.argmin(np.diff(self._knots))])
             raise MeshError(f"a boundary side at ({place}) mm has no length")
         self._ends = chain.points[[0, -1]]
-        kept = np.arange(len(self._knots)) if detail is None else _spread(self._knots, detail(chain.points) / 3)
-        self._spline = None if _straight(chain.points, self.length) else CubicSpline(
-            self._knots[kept], chain.points[kept], bc_type="periodic" if chain.closed else "not-a-knot")
+        self._spline = None if _straight(chain.points, self.length) else _spline(chain, self._knots, detail)
         fractions = np.arange(SAMPLES) / SAMPLES
         self.s = np.append((self._knots[:-1, None] + np.diff(self._knots)[:, None] * fractions).ravel(), self.length)
 
@@ -87,6 +85,12 @@ class Curve:
         s = np.interp(np.linspace(0.0, number[-1], n + 1), number, self.s)
         s[0], s[-1] = 0.0, self.length
         return s
+
+
+def _spline(chain: Chain, knots: np.ndarray, detail) -> CubicSpline:
+    """Through the points of a chain that are not too close to each other."""
+    kept = np.arange(len(knots)) if detail is None else _spread(knots, detail(chain.points) / 3)
+    return CubicSpline(knots[kept], chain.points[kept], bc_type="periodic" if chain.closed else "not-a-knot")
 
 
 def _spread(knots: np.ndarray, apart: np.ndarray) -> np.ndarray:

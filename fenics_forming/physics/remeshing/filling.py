@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..gmsh_arrays import gmsh_model
+from ..nodes import determinants
 from . import mmg
 from .gradation import edges_of, over_mesh
 from .resampling import Outline
@@ -50,7 +51,7 @@ def _checked(outline: Outline, found):
     """What an engine gave, if it is the inside of the outline."""
     x, triangles, sides = found
     p = x[triangles]
-    area = 0.5 * np.linalg.det(p[:, 1:] - p[:, :1])
+    area = 0.5 * determinants(p[:, 1:] - p[:, :1])
     if not (area > 0).all() or abs(area.sum() / outline.area - 1) > 1e-9:
         raise RuntimeError("the triangles do not fill the boundary")
     return x, triangles, sides

@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..machine_code import compiled
+
 GROWTH = 0.3              # of the size, per distance
 ENOUGH = 1e-3             # of a size: what another sweep would take off
 
 
 def over_mesh(size: np.ndarray, edges: np.ndarray, length: np.ndarray) -> np.ndarray:
     """The largest sizes (n,) below the given ones that grow by at most GROWTH per length of the edges (e, 2)."""
-    step = GROWTH * length
+    return swept(size, edges, GROWTH * length)[1]
+
+
+@compiled
+def swept(size, edges, step):
+    """The largest sizes (n,) below the given ones that grow by at most ``step`` (e,) along each of the edges (e, 2), (n,),
+    before and after the last sweep, which takes off next to nothing."""
     while True:
-        least = size.copy()
-        np.minimum.at(least, edges[:, 0], size[edges[:, 1]] + step)
-        np.minimum.at(least, edges[:, 1], size[edges[:, 0]] + step)
-        if (least >= size * (1 - ENOUGH)).all():
-            return least
+        least, enough = size.copy(), True
+        for e in range(len(edges)):
+            a, b = edges[e, 0], edges[e, 1]
+            least[a] = min(least[a], size[b] + step[e])
+            least[b] = min(least[b], size[a] + step[e])
+        for k in range(len(size)):
+            enough &= least[k] >= size[k] * (1 - ENOUGH)
+        if enough:
+            return size, least
         size = least
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import MeshError
+from .boundary_kernels import deep_notches
 from .crossing import crossings
 
 MOST = 0.2          # of the length of a loop of the boundary: a longer one is no fold, the body itself is tangled
@@ -90,18 +91,16 @@ def _deepest_notch(x, loop, labels, detail):
     length = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(x[loop[:, 1]] - middle, axis=1)
     along = np.concatenate([[0.0], np.cumsum(np.tile(length, 2))])
     pressed = np.concatenate([[0], np.cumsum(np.tile(labels != 0, 2))])
-    # rows: numbers of sides; columns: the first of them
-    number, count = np.arange(len(loop)), np.arange(2, min(SPAN, len(loop) // 2))[:, None]
-    across = x[loop[(number + count - 1) % len(loop), 1]] - start
-    width, way_around = np.sqrt((across**2).sum(axis=2)), along[number + count] - along[number]
-    found = (pressed[number + count] == pressed[number]) & (width < detail(start)) & (way_around > DEEP * width) \
-        & (way_around < MOST * along[len(loop)])
-    rows, firsts = np.nonzero(found)
-    for k in np.argsort((width - way_around)[rows, firsts], kind="stable"):
-        first, sides = int(firsts[k]), int(count[rows[k], 0])
-        walls = x[loop[(first + np.arange(sides)) % len(loop)]][:, 1:].reshape(-1, 2) - start[first]
-        (u, v), over = across[rows[k], first], -TINY * width[rows[k], first] ** 2
-        if (u * walls[:, 1] - v * walls[:, 0] >= over).all():
+    most = min(SPAN, len(loop) // 2)
+    runs, ways = deep_notches(start, x[loop[:, 1]], along, pressed, most, DEEP, MOST * along[len(loop)])
+    if len(runs):
+        narrow = ways[:, 0] < detail(start[runs[:, 0]])
+        runs, ways = runs[narrow], ways[narrow]
+    for k in np.argsort(ways[:, 0] - ways[:, 1], kind="stable"):
+        first, sides = runs[k].tolist()
+        inside = loop[(first + np.arange(sides)) % len(loop)]
+        walls, (u, v) = x[inside][:, 1:].reshape(-1, 2) - start[first], x[inside[-1, 1]] - start[first]
+        if (u * walls[:, 1] - v * walls[:, 0] >= -TINY * ways[k, 0] ** 2).all():
             return first, sides
     return None
 

@@ -85,9 +85,10 @@ def _directed(x: np.ndarray, sides: np.ndarray, ends: np.ndarray) -> np.ndarray:
 def _inside(x: np.ndarray, triangles: np.ndarray, part: np.ndarray,
             sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Without the parts that lie on the right of the sides, the holes, and the vertices in them."""
-    key = sides[:, 0] * len(x) + sides[:, 1]
-    directed = triangles * len(x) + np.roll(triangles, -1, axis=1)
-    triangles = triangles[np.isin(part, part[np.isin(directed, key).any(axis=1)])]
+    following = np.full(len(x), -1)
+    following[sides[:, 0]] = sides[:, 1]
+    behind = (following[triangles] == np.roll(triangles, -1, axis=1)).any(axis=1)
+    triangles = triangles[np.isin(part, np.unique(part[behind]))]
     used = np.zeros(len(x), dtype=bool)
     used[triangles] = used[sides] = True
     number = np.cumsum(used) - 1

@@ -68,7 +68,8 @@ def _around(body: BodyArrays, sizes) -> np.ndarray:
     A coarse side next to small cells would be the base of flat ones.
     """
     triangles = body.cells[:, :3]
-    size, vertices = np.full(len(body.x), np.inf), np.unique(triangles)
+    size, vertices = np.full(len(body.x), np.inf), np.zeros(len(body.x), dtype=bool)
+    vertices[triangles] = True
     size[vertices] = sizes(body.x[vertices])
     return over_mesh(size, *edges_of(body.x, triangles))
 
@@ -85,8 +86,9 @@ def _filled(outline: Outline, sizes, engine: str, reasons: dict[str, str]) -> tu
         room = scaled_jacobian(new.x, new.cells)
         if room.min() <= 0.0:
             reasons[name] = f"{name}: a curved side folds its cell over"
-        near = np.isin(sides, new.cells[room < FLATTEST]).any(axis=1)
-        return new, outline.spans[near], float(room.min())
+        flat = np.zeros(len(new.x), dtype=bool)
+        flat[new.cells[room < FLATTEST]] = True
+        return new, outline.spans[flat[sides].any(axis=1)], float(room.min())
     return None
 
 
@@ -110,5 +112,7 @@ def _order_two(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray, outline:
     # the mid-node tells the side, also after cells have been cut
     label = np.zeros(len(x), dtype=np.int64)
     label[count + on_side] = outline.labels
-    return Remeshed(x=x, cells=cells, labels=label[new[:, 2]], engine=engine)
+    made = Remeshed(x=x, cells=cells, labels=label[new[:, 2]], engine=engine)
+    made.__dict__["sides"] = new
+    return made
 

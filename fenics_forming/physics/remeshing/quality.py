@@ -75,12 +75,12 @@ def scaled_jacobian(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
     dim = x.shape[1]
     p = x[cells]
     gradients = _gradients(dim)
-    jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), *gradients.shape[:2], dim)
-    jacobian = np.moveaxis(jacobian, 2, 1)      # cells, points, derivative, component
     if dim == 2:
-        det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
+        (a, c), (b, d) = ([p[..., i] @ g.T for g in gradients] for i in range(2))
+        det = a * d - b * c
     else:
-        det = np.linalg.det(jacobian)
+        jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), *gradients.shape[:2], dim)
+        det = np.linalg.det(np.moveaxis(jacobian, 2, 1))      # cells, points, derivative, component
     straight = _determinant(p[:, : dim + 1])
     return _over((det * np.sign(straight)[:, None]).min(axis=1), np.abs(straight))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .boundary_kernels import nearest_walls
 from .curve import Curve
 from .gradation import around_loop
 
@@ -131,16 +132,6 @@ class Boundary:
     def _thickness(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Distance to the wall opposite, across the body, at the samples; infinite where it is far, mm."""
         inward = np.concatenate([c.tangents(c.s) for c in self.curves])[:, ::-1] * [-1.0, 1.0]
-        around = np.diff(self._limits)[self._loop_of_sample]
-        i, j = 2 * cKDTree(points[::2]).query_pairs(reach, output_type="ndarray").T
-        i, j = np.append(i, j), np.append(j, i)
-        gap = points[j] - points[i]
-        distance = np.linalg.norm(gap, axis=1)
-        apart = np.abs(self._s[j] - self._s[i])
-        apart = np.where(self._loop_of_sample[i] == self._loop_of_sample[j],
-                         np.minimum(apart, around[i] - apart), np.inf)
-        across = ((apart > NEAR * distance) & ((gap * inward[i]).sum(axis=1) > 0.7 * distance)
-                  & ((inward[i] * inward[j]).sum(axis=1) < -0.7))
-        thickness = np.full(len(points), np.inf)
-        np.minimum.at(thickness, i[across], distance[across])
-        return thickness
+        pairs = 2 * cKDTree(points[::2]).query_pairs(reach, output_type="ndarray")
+        return nearest_walls(points, np.ascontiguousarray(inward), self._s, self._loop_of_sample, np.diff(self._limits),
+                             pairs, NEAR)

@@ -118,28 +118,14 @@ def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) ->
     x : (n, dim) vertices
     cells : (m, dim + 1) vertices of the cells
     """
-    from scipy.sparse import csr_matrix
+    from ..remeshing.gradation import swept        # compiled where something is graded
 
     ends = edges_of(cells)
-    both = np.concatenate([ends, ends[:, ::-1]])
-    step = growth * np.linalg.norm(x[both[:, 0]] - x[both[:, 1]], axis=1)
-    # rows: vertices; entries: their neighbours
-    table = csr_matrix((step, (both[:, 0], both[:, 1])), shape=(len(x), len(x)))
-    touched = np.flatnonzero(np.diff(table.indptr))
-    starts = table.indptr[touched]
-    size = np.array(size, dtype=float)
-    if not np.isfinite(size).any():
-        return size
-    while True:
-        through = np.minimum.reduceat(size[table.indices] + table.data, starts)
-        if not (through < size[touched] * (1 - 1e-3)).any():
-            return size
-        size[touched] = np.minimum(size[touched], through)
+    step = growth * np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1)
+    return swept(np.array(size, dtype=float), ends, step)[0]
 
 
 def edges_of(cells: np.ndarray) -> np.ndarray:
-    """Ends (e, 2) of the edges of simplices (m, dim + 1), the smaller number first."""
+    """Ends (e, 2) of the edges of simplices (m, dim + 1), once for every cell at an edge."""
     first, second = np.triu_indices(cells.shape[1], 1)
-    ends = np.sort(np.stack([cells[:, first], cells[:, second]], axis=2).reshape(-1, 2), axis=1).astype(np.int64)
-    count = int(cells.max()) + 1
-    return np.stack(np.divmod(np.unique(ends[:, 0] * count + ends[:, 1]), count), axis=1)
+    return np.stack([cells[:, first], cells[:, second]], axis=2).reshape(-1, 2).astype(np.int64)

@@ -68,8 +68,8 @@ def nodal_sizes(sizes: Sizes, body: BodyArrays, mirrors: dict[int, float], *, th
     thin : whether thin sections get some elements across
     also : arrays (n,) of further sizes
     """
-    vertices = np.unique(body.cells[:, : body.dim + 1])
-    size = np.full(len(body.x), np.inf)
+    vertices, size = np.zeros(len(body.x), dtype=bool), np.full(len(body.x), np.inf)
+    vertices[body.cells[:, : body.dim + 1]] = True
     size[vertices] = sizes(body.x[vertices])
     for more in (*also, thickness_sizes(body, mirrors, sizes)) if thin else also:
         size[vertices] = np.fmin(size[vertices], more[vertices])      # no number asks for nothing

@@ -140,7 +140,7 @@ def linear_fields(moved: Transfer, made: BodyArrays, given: dict[str, np.ndarray
     if not given:
         return {}
     columns = [np.reshape(values, (len(values), -1)) for values in given.values()]
-    vertices = np.unique(made.cells[:, : made.dim + 1])
+    vertices = np.flatnonzero(marked(made.cells[:, : made.dim + 1], len(made.x)))
     new = np.zeros((len(made.x), sum(c.shape[1] for c in columns)))
     new[vertices] = moved.linear(np.concatenate(columns, axis=1), vertices)
     parts = np.split(means_at_mids(made, new), np.cumsum([c.shape[1] for c in columns])[:-1], axis=1)
@@ -164,16 +164,24 @@ def cells_width(dim: int) -> int:
 def side_labels(body: BodyArrays, tools, mirrors: dict[int, float], reach: float) -> np.ndarray:
     """Label of every boundary side: 0 free, k on the k-th tool, -1 - axis on a mirror plane (see ``physics.remeshing``)."""
     labels = np.zeros(len(body.sides), dtype=np.int64)
-    numbers, rows = np.unique(body.sides, return_inverse=True)
-    rows = rows.reshape(body.sides.shape)
+    numbers = np.flatnonzero(marked(body.sides, len(body.x)))
+    on_tool = np.zeros(len(body.x), dtype=bool)
     for k, tool in enumerate(tools, start=1):
         gap, _ = tool.gap(body.x[numbers])
-        labels[(np.abs(gap) <= reach)[rows].all(axis=1)] = k
+        on_tool[numbers] = np.abs(gap) <= reach
+        labels[on_tool[body.sides].all(axis=1)] = k
     size = np.ptp(body.x, axis=0).max()
     for axis, value in mirrors.items():
-        on_plane = np.abs(body.x[numbers, axis] - value) < 1e-8 * size
-        labels[on_plane[rows].all(axis=1)] = -1 - axis
+        on_plane = np.abs(body.x[:, axis] - value) < 1e-8 * size
+        labels[on_plane[body.sides].all(axis=1)] = -1 - axis
     return labels
+
+
+def marked(nodes: np.ndarray, count: int) -> np.ndarray:
+    """Which of ``count`` nodes are among the given ones, of any shape: (count,)."""
+    among = np.zeros(count, dtype=bool)
+    among[nodes] = True
+    return among
 
 
 def put_back(made: Remeshed, tools, mirrors: dict[int, float]) -> np.ndarray:
@@ -182,14 +190,14 @@ def put_back(made: Remeshed, tools, mirrors: dict[int, float]) -> np.ndarray:
     Inner mid-nodes go half of the way of their neighbours; nodes on mirror planes stay there.
     """
     x = made.x.copy()
-    free = np.unique(made.sides[made.labels >= 0])
+    free = np.flatnonzero(marked(made.sides[made.labels >= 0], len(x)))
     for k, tool in enumerate(tools, start=1):
-        held = np.unique(made.sides[made.labels == k])
+        held = marked(made.sides[made.labels == k], len(x))
         gap, normal = tool.gap(x[free])
-        off = (gap < 0) | np.isin(free, held)
+        off = (gap < 0) | held[free]
         x[free[off]] -= gap[off, None] * normal[off]
     for axis, value in mirrors.items():
-        x[np.unique(made.sides[made.labels == -1 - axis]), axis] = value
+        x[made.sides[made.labels == -1 - axis], axis] = value
     return follow(made, x)
 
 

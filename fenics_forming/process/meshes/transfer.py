@@ -6,7 +6,7 @@ leaves the range of the old one, and no point is left without a value.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import basix
 import numpy as np
@@ -151,6 +151,7 @@ def integral(body, values: np.ndarray, *, axisymmetric: bool = False) -> float:
     return float(np.einsum("cqk,cq->", _at_points(body, values), _measure(body, axisymmetric)))
 
 
+@cache
 def _points(dim):
     """Quadrature of positive weights: barycentric coordinates (q, dim + 1) and weights (q,)."""
     kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim]
