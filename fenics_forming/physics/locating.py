@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from .locating_kernels import ROUND_OFF, curved_walks, means, on_facets, walks
-from .nodes import EDGES, quadratic_shapes
+from .nodes import EDGES, keys, quadratic_shapes
 
 CANDIDATES = 8        # cells from which a point that ended at the boundary starts again
 DOUBTFUL = 0.1        # of the cell's longest edge: a point farther outside is compared with every cell around it
@@ -70,12 +70,9 @@ class Locator:
     @cached_property
     def neighbours(self) -> np.ndarray:
         """(m, dim + 1) the cell across the facet opposite to each vertex; -1 on the boundary."""
-        sides = np.sort(np.stack([np.delete(self.vertices, i, axis=1) for i in range(self.dim + 1)], axis=1), axis=2)
-        sides = sides.reshape(-1, self.dim).astype(np.int64)
-        key = sides[:, 0]
-        for column in sides.T[1:]:
-            key = key * len(self.x) + column
-        order = np.argsort(key, kind="stable")
+        sides = np.stack([np.delete(self.vertices, i, axis=1) for i in range(self.dim + 1)], axis=1)
+        key = keys(sides.reshape(-1, self.dim), len(self.x))
+        order = np.argsort(key)
         twin = np.flatnonzero(key[order][1:] == key[order][:-1])
         first, second = order[twin], order[twin + 1]
         across = np.full(len(key), -1)

@@ -176,9 +176,21 @@ def mid_nodes(cells: np.ndarray, dim: int) -> tuple[np.ndarray, np.ndarray]:
     return mids, ends[first[mids]]
 
 
+def keys(nodes: np.ndarray, count: int) -> np.ndarray:
+    """One whole number for each row of nodes, (k, 1 to 3) of 0 to ``count`` - 1, whatever their order in the row."""
+    nodes = nodes.astype(np.int64)
+    if nodes.shape[1] == 2:        # rows of two are sorted slowly
+        return np.minimum(nodes[:, 0], nodes[:, 1]) * count + np.maximum(nodes[:, 0], nodes[:, 1])
+    nodes = np.sort(nodes, axis=1)
+    key = nodes[:, 0]
+    for column in nodes[:, 1:].T:
+        key = key * count + column
+    return key
+
+
 def single(keys: np.ndarray) -> np.ndarray:
     """Which of some whole numbers (k,) occur only once, (k,)."""
-    order = np.argsort(keys, kind="stable")
+    order = np.argsort(keys)
     twice = np.flatnonzero(keys[order][1:] == keys[order][:-1])
     once = np.ones(len(keys), dtype=bool)
     once[order[twice]] = once[order[twice + 1]] = False

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..locating import Locator
-from ..nodes import single
+from ..nodes import keys, single
 from ..surface import FACETS, sides_of
 
 
@@ -69,12 +69,3 @@ def boundary_sides(cells: np.ndarray, dim: int, x: np.ndarray) -> np.ndarray:
     facets = corners[:, local].reshape(-1, dim)
     cell, facet = np.divmod(np.flatnonzero(single(keys(facets, len(x)))), dim + 1)
     return sides_of(cells[cell], facet, x)
-
-
-def keys(nodes: np.ndarray, count: int) -> np.ndarray:
-    """One whole number for each row of nodes, (k, 1 to 3) of 0 to ``count`` - 1, whatever their order in the row."""
-    nodes = np.sort(nodes.astype(np.int64), axis=1)
-    key = nodes[:, 0]
-    for column in nodes[:, 1:].T:
-        key = key * count + column
-    return key

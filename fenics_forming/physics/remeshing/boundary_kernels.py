@@ -1,4 +1,4 @@
-"""Walls of a plane boundary that face each other and narrow notches in it, compiled by numba."""
+"""Sides of a plane boundary that cross, walls that face each other, narrow notches: compiled by numba."""
 
 from __future__ import annotations
 
@@ -7,6 +7,29 @@ import numpy as np
 from ..machine_code import compiled
 
 FACING = 0.7       # cosine between the way across and the normals of both walls of a thin part, at least
+
+
+@compiled
+def meeting(start, end, i, j, touch):
+    """Whether the segments i and j (p,) of those from start to end, (f, 2) each, cross or touch, within ``touch`` of their
+    lengths, (p,)."""
+    out = np.zeros(len(i), np.bool_)
+    for p in range(len(i)):
+        a, b = (start[i[p]], end[i[p]]), (start[j[p]], end[j[p]])
+        apart = np.sqrt((b[0][0] + b[1][0] - a[0][0] - a[1][0]) ** 2 + (b[0][1] + b[1][1] - a[0][1] - a[1][1]) ** 2)
+        lengths = (np.sqrt((a[1][0] - a[0][0]) ** 2 + (a[1][1] - a[0][1]) ** 2)
+                   + np.sqrt((b[1][0] - b[0][0]) ** 2 + (b[1][1] - b[0][1]) ** 2))
+        out[p] = apart <= lengths and _divided(a, b, touch) and _divided(b, a, touch)
+    return out
+
+
+@compiled
+def _divided(line, ends, touch):
+    """Whether two points lie on different sides of the line through two others, or one of them on it."""
+    u, v = line[1][0] - line[0][0], line[1][1] - line[0][1]
+    first = u * (ends[0][1] - line[0][1]) - v * (ends[0][0] - line[0][0])
+    second = u * (ends[1][1] - line[0][1]) - v * (ends[1][0] - line[0][0])
+    return first * second <= 0.0 or min(abs(first), abs(second)) <= touch * (u**2 + v**2)
 
 
 @compiled

@@ -28,12 +28,16 @@ def turned(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> np.ndarra
 
     # the neighbour across the inner edge, and its vertex opposite
     flat = np.where((outside.sum(axis=1) == 2)[:, None], -1, key).ravel()
-    order = np.argsort(flat, kind="stable")
+    order = np.flatnonzero(np.isin(flat, key[cell, inner]))
+    if len(order) == 0:
+        return triangles
+    order = order[np.argsort(flat[order])]
     found = order[np.minimum(np.searchsorted(flat[order], key[cell, inner]), len(order) - 1)]
     neighbour, opposite = np.divmod(found, 3)
     far = triangles[neighbour, opposite]
-    usable = (flat[found] == key[cell, inner]) & ~outside[neighbour].any(axis=1)
-    usable &= np.bincount(neighbour, minlength=len(triangles))[neighbour] == 1
+    there = flat[found] == key[cell, inner]
+    usable = there & ~outside[neighbour].any(axis=1)
+    usable &= np.bincount(neighbour[there], minlength=len(triangles))[neighbour] == 1
 
     turned_pair = np.stack([np.stack([corner, a, far], axis=1), np.stack([corner, far, b], axis=1)], axis=1)
     better = usable & (_worst(x, turned_pair) > _worst_if_cut(x, triangles[cell]))

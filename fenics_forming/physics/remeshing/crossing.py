@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .boundary_kernels import meeting
+
 TOUCH = 1e-9          # of the length of a side
 PIECES = 4            # of a parabola: a sixteenth of its height is missed
 
@@ -14,10 +16,9 @@ def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
     start, end = points[sides[:, 0]], points[sides[:, 1]]
     length, middle = np.linalg.norm(end - start, axis=1), 0.5 * (start + end)
     i, j = cKDTree(middle).query_pairs(length.max(), output_type="ndarray").T
-    near = np.linalg.norm(middle[j] - middle[i], axis=1) <= 0.5 * (length[i] + length[j])
-    near &= (sides[i][:, :, None] != sides[j][:, None, :]).all(axis=(1, 2))
-    i, j = i[near], j[near]
-    meet = _apart(start[i], end[i], start[j], end[j]) & _apart(start[j], end[j], start[i], end[i])
+    meet = meeting(start, end, i, j, TOUCH)
+    i, j = i[meet], j[meet]
+    meet = (sides[i][:, :, None] != sides[j][:, None, :]).all(axis=(1, 2))
     found = np.zeros(len(sides), dtype=bool)
     found[i[meet]] = found[j[meet]] = True
     return found
@@ -39,16 +40,7 @@ def crossings(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs i < j of the segments from a to b, (f, 2) each, of one closed way that cross or touch and do not follow."""
     length, middle = np.linalg.norm(b - a, axis=1), 0.5 * (a + b)
     i, j = np.sort(cKDTree(middle).query_pairs(length.max(), output_type="ndarray"), axis=1).T
-    near = np.linalg.norm(middle[j] - middle[i], axis=1) <= 0.5 * (length[i] + length[j])
-    near &= (j - i > 1) & ((i > 0) | (j < len(a) - 1))
-    i, j = i[near], j[near]
-    meet = _apart(a[i], b[i], a[j], b[j]) & _apart(a[j], b[j], a[i], b[i])
+    meet = meeting(a, b, i, j, TOUCH)
+    i, j = i[meet], j[meet]
+    meet = (j - i > 1) & ((i > 0) | (j < len(a) - 1))
     return i[meet], j[meet]
-
-
-def _apart(a: np.ndarray, b: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Whether p and q lie on different sides of the line through a and b, or one of them on it."""
-    way = b - a
-    to_p, to_q = (way[:, 0] * (r - a)[:, 1] - way[:, 1] * (r - a)[:, 0] for r in (p, q))
-    on_it = TOUCH * (way**2).sum(axis=1)
-    return (to_p * to_q <= 0.0) | (np.minimum(abs(to_p), abs(to_q)) <= on_it)

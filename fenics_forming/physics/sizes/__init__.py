@@ -1,6 +1,6 @@
 """Wanted element sizes: what the scene, the tools and the state of a body ask for, as one field over space."""
 
-from .field import Around, AtNodes, AtPoints, Sizes, graded
+from .field import Around, AtNodes, AtPoints, Remembered, Sizes, graded
 from .wanted import body_sizes, mirror_planes, nodal_sizes
 
 __all__ = ["Around", "AtNodes", "AtPoints", "Sizes", "body_sizes", "graded", "mirror_planes", "nodal_sizes"]

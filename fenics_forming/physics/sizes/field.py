@@ -109,6 +109,34 @@ class AtNodes:
         return self.body.locator.interpolated(self.size, points)
 
 
+class Remembered:
+    """Sizes that are found once at some points of the plane, which are asked for again and again; elsewhere every time.
+
+    Parameters
+    ----------
+    sizes : callable, points (k, 2) to wanted sizes (k,)
+    points : (n, 2) mm
+    """
+
+    def __init__(self, sizes, points: np.ndarray):
+        self.sizes = sizes
+        order = np.argsort(_number(points))
+        self.points = points[order]
+        self.size, self._numbers = sizes(self.points), _number(self.points)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        at = np.minimum(np.searchsorted(self._numbers, _number(points)), len(self.points) - 1)
+        size, unknown = self.size[at], (self.points[at] != points).any(axis=1)
+        if unknown.any():
+            size[unknown] = self.sizes(points[unknown])
+        return size
+
+
+def _number(points):
+    """One number for each point of the plane; hardly ever the same for two."""
+    return points[:, 0] + np.sqrt(2) * points[:, 1]
+
+
 def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) -> np.ndarray:
     """The largest sizes below the given ones that grow by ``growth`` per unit of length along the edges at most.
 

@@ -15,6 +15,7 @@ from ...physics.nodes import EDGES
 from ...physics.parallel import on_first_rank
 from ...physics.remeshing import BodyArrays, Landing, Remeshed, remesh
 from ...physics.remeshing.quality import overturned, scaled_jacobian
+from ...physics.sizes import Remembered
 from ...physics.surface import Surface
 from ..body import FlowingBody
 from ..volume import FreeSurface
@@ -107,12 +108,16 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
     wanted = sizes(old, labels, given.linear | given.quadratic)
     drawn, corners = drawn_to_tools(old, wanted, tools, mirrors)
     labels = labels if drawn is old else side_labels(drawn, tools, mirrors, landed)
+    if drawn.dim == 2:
+        outer = marked(drawn.cells[:, :3], len(drawn.x)) | marked(drawn.sides, len(drawn.x))
+        wanted = Remembered(wanted, drawn.x[outer])
     landing = Landing({k: tool.gap for k, tool in enumerate(tools, start=1)},
                       lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
     made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing,
                   corners=corners)
     surface = FreeSurface.of_arrays(made.x, made.cells, made.sides, kinematics, mirrors)
-    start, known = (Surface(b.sides, b.x, kinematics).volume(b.x) for b in (old, drawn))
+    known = Surface(drawn.sides, drawn.x, kinematics).volume(drawn.x)
+    start = known if drawn is old else Surface(old.sides, old.x, kinematics).volume(old.x)
     new = surface.volume(made.x)
     placed = put_back(made, tools, mirrors)
     met = None

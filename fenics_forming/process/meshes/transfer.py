@@ -164,24 +164,26 @@ def _measure(body, axisymmetric):
     dim = body.x.shape[1]
     inner, weights = _points(dim)
     x = body.x[body.cells]
-    by_coordinate = slopes(inner, dim)
-    tangents = np.tensordot(by_coordinate[..., 1:] - by_coordinate[..., :1], x, (1, 1))     # q, k, m, component
-    measure = weights * np.abs(_volumes(np.moveaxis(tangents, 3, 0))).T
+    slope = slopes(inner, dim)
+    slope = np.moveaxis(slope[..., 1:] - slope[..., :1], 1, 2).reshape(-1, slope.shape[1]).T       # nodes, (q, k)
+    tangents = [(x[..., i] @ slope).reshape(len(x), -1, dim) for i in range(dim)]
+    measure = weights * np.abs(_volumes(tangents))
     if axisymmetric:
         measure *= 2 * np.pi * (x[:, :, 0] @ quadratic_shapes(inner, dim).T)
     return measure
 
 
 def _volumes(tangents):
-    """Determinants (q, m) of the tangents (component, q, k, m); `numpy.linalg.det` takes them one by one."""
+    """Determinants (m, q) of the tangents, by component (m, q, k); `numpy.linalg.det` takes them one by one."""
     if len(tangents) == 2:
-        (a, b), (c, d) = np.moveaxis(tangents, 2, 1)
+        (a, b), (c, d) = (np.moveaxis(t, 2, 0) for t in tangents)
         return a * d - b * c
-    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(tangents, 2, 1)
+    (a, b, c), (d, e, f), (g, h, i) = (np.moveaxis(t, 2, 0) for t in tangents)
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def _at_points(body, values):
     """Values (n[, k]) at the quadrature points, (m, q, k)."""
     shapes = quadratic_shapes(_points(body.x.shape[1])[0], body.x.shape[1])
-    return np.matmul(shapes, np.asarray(values, float).reshape(len(body.x), -1)[body.cells])
+    values = np.asarray(values, float).reshape(len(body.x), -1)
+    return np.stack([column[body.cells] @ shapes.T for column in values.T], axis=2)

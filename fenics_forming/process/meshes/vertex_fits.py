@@ -123,26 +123,28 @@ def _polynomials(x, node, patch, made_of, polynomials, weights):
 
 @compiled
 def _factorise(matrix):
-    """Cholesky's factor of a matrix, in its lower half."""
+    """Cholesky's factor of a matrix, in its lower half, with one over its diagonal."""
     for i in range(len(matrix)):
         for j in range(i + 1):
             left = matrix[i, j]
             for k in range(j):
                 left -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(max(left, 1e-300)) if i == j else left / matrix[j, j]
+            matrix[i, j] = 1.0 / np.sqrt(max(left, 1e-300)) if i == j else left * matrix[j, j]
 
 
 @compiled
 def _solve(factor, right):
     """Solve with a factor of `_factorise`, in place."""
     for i in range(len(right)):
+        left = right[i]
         for k in range(i):
-            right[i] -= factor[i, k] * right[k]
-        right[i] /= factor[i, i]
+            left -= factor[i, k] * right[k]
+        right[i] = left * factor[i, i]
     for i in range(len(right) - 1, -1, -1):
+        left = right[i]
         for k in range(i + 1, len(right)):
-            right[i] -= factor[k, i] * right[k]
-        right[i] /= factor[i, i]
+            left -= factor[k, i] * right[k]
+        right[i] = left * factor[i, i]
 
 
 @compiled
