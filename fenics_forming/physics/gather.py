@@ -100,7 +100,7 @@ def _all(comm, values):
 
 
 def _gather(comm, rows, values):
-    parts = comm.gather((rows, values), 0)
+    parts = comm.gather((rows, values), 0) if comm.size > 1 else [(rows, values)]
     if comm.rank != 0:
         return None
     out = np.empty((sum(len(r) for r, _ in parts),) + values.shape[1:], values.dtype)

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .locating_kernels import ROUND_OFF, curved_walks, means, on_facets, walks
+from .locating_kernels import ROUND_OFF, clipped, curved_walks, distances, means, on_facets, walks
 from .nodes import EDGES, keys, quadratic_shapes
 
 CANDIDATES = 8        # cells from which a point that ended at the boundary starts again
@@ -113,9 +113,7 @@ class Locator:
         return walks(self._origin, self.gradients, self.neighbours, points, cells)
 
     def _clipped(self, points, cells, inner):
-        inner = convex(inner)
-        place = np.einsum("pi,pij->pj", inner, self.x[self.vertices[cells]])
-        return Located(cells, inner, np.linalg.norm(place - points, axis=1))
+        return Located(cells, *clipped(self.x, self.vertices, points, cells, inner))
 
     def _nearest_of(self, points, found, rows, starts):
         """For the points ``rows`` the best place among what was found and the ends of walks from ``starts`` (rows, k)."""
@@ -161,8 +159,7 @@ class Locator:
         return self._nearest_facet(points, located, far) if len(far) else located
 
     def _measured(self, points, cells, inner):
-        located = Located(cells, inner, np.zeros(len(points)))
-        return Located(cells, inner, np.linalg.norm(self.place(located) - points, axis=1))
+        return Located(cells, inner, distances(self.x, self.cells, self._edges, points, cells, inner))
 
     @cached_property
     def _boundary(self):

@@ -67,6 +67,22 @@ def clip(inner):
 
 
 @compiled
+def clipped(x, vertices, points, cells, inner):
+    """The coordinates (p, dim + 1) in straight cells (p,) clipped to these, and how far that is from the points, (p,)."""
+    inner, distance = inner.copy(), np.empty(len(points))
+    for p in range(len(points)):
+        clip(inner[p])
+        squares = 0.0
+        for j in range(points.shape[1]):
+            place = 0.0
+            for i in range(inner.shape[1]):
+                place += inner[p, i] * x[vertices[cells[p], i], j]
+            squares += (place - points[p, j]) ** 2
+        distance[p] = np.sqrt(squares)
+    return inner, distance
+
+
+@compiled
 def means(nodal, vertices, cells, inner):
     """Means (p,) of nodal values (n,) at the vertices of cells (p,), weighted by the clipped coordinates (p, dim + 1)."""
     out = np.zeros(len(cells))
@@ -93,6 +109,20 @@ def map_at(x, nodes, edges, inner, place, slope):
             place[j] += inner[a] * inner[b] * middle
             slope[a, j] += inner[b] * middle
             slope[b, j] += inner[a] * middle
+
+
+@compiled
+def distances(x, cells, edges, points, chosen, inner):
+    """How far the points (p, dim) are from the coordinates (p, dim + 1) in the curved cells ``chosen`` (p,), (p,)."""
+    dim = points.shape[1]
+    out, place, slope = np.empty(len(points)), np.empty(dim), np.empty((dim + 1, dim))
+    for p in range(len(points)):
+        map_at(x, cells[chosen[p]], edges, inner[p], place, slope)
+        squares = 0.0
+        for j in range(dim):
+            squares += (place[j] - points[p, j]) ** 2
+        out[p] = np.sqrt(squares)
+    return out
 
 
 @compiled

@@ -88,7 +88,9 @@ def _inside(x: np.ndarray, triangles: np.ndarray, part: np.ndarray,
     following = np.full(len(x), -1)
     following[sides[:, 0]] = sides[:, 1]
     behind = (following[triangles] == np.roll(triangles, -1, axis=1)).any(axis=1)
-    triangles = triangles[np.isin(part, np.unique(part[behind]))]
+    inside = np.zeros(part.max() + 1, dtype=bool)
+    inside[part[behind]] = True
+    triangles = triangles[inside[part]]
     used = np.zeros(len(x), dtype=bool)
     used[triangles] = used[sides] = True
     number = np.cumsum(used) - 1

@@ -107,7 +107,11 @@ def _order_two(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray, outline:
     on_side = np.searchsorted(key, keys(sides, count))
     middle[on_side] = outline.middles
     cells = np.concatenate([triangles, count + mid.reshape(-1, 3)], axis=1)
-    x, cells = split_corner_cells(np.concatenate([x, middle]), cells, 2)
+    x = np.concatenate([x, middle])
+    outside = np.zeros(len(x), dtype=bool)
+    outside[count + on_side] = True
+    if (outside[cells[:, 3:]].sum(axis=1) > 1).any():
+        x, cells = split_corner_cells(x, cells, 2)
     new = boundary_sides(cells, 2, x)
     # the mid-node tells the side, also after cells have been cut
     label = np.zeros(len(x), dtype=np.int64)

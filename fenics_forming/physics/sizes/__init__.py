@@ -3,4 +3,4 @@
 from .field import Around, AtNodes, AtPoints, Remembered, Sizes, graded
 from .wanted import body_sizes, mirror_planes, nodal_sizes
 
-__all__ = ["Around", "AtNodes", "AtPoints", "Sizes", "body_sizes", "graded", "mirror_planes", "nodal_sizes"]
+__all__ = ["Around", "AtNodes", "AtPoints", "Remembered", "Sizes", "body_sizes", "graded", "mirror_planes", "nodal_sizes"]

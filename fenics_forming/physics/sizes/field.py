@@ -146,7 +146,7 @@ def graded(size: np.ndarray, x: np.ndarray, cells: np.ndarray, growth: float) ->
     x : (n, dim) vertices
     cells : (m, dim + 1) vertices of the cells
     """
-    from ..remeshing.gradation import swept        # compiled where something is graded
+    from ..remeshing.gradation import swept  # compiled where something is graded
 
     ends = edges_of(cells)
     step = growth * np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..machine_code import compiled
+
 OPPOSED = -0.5          # cosine between the normals of two sides that face away from each other
-PAIRS = 2_000_000       # of rays and sides at once
 
 
 def thickness(x: np.ndarray, sides: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -66,20 +67,19 @@ def _normals(corners):
     return normal / np.where(length > 0, length, 1.0)
 
 
+@compiled
 def _first_hits_plane(corners, origins, directions, reach):
     """As `rays.first_hits`, by comparing all with all."""
-    start, along = corners[:, 0], corners[:, 1] - corners[:, 0]
     distance, hit = np.full(len(origins), np.inf), np.full(len(origins), -1)
-    for rows in np.array_split(np.arange(len(origins)), 1 + len(origins) * len(corners) // PAIRS):
-        o, d = origins[rows, None], directions[rows, None]
-        det = d[..., 1] * along[:, 0] - d[..., 0] * along[:, 1]
-        away = start - o
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (away[..., 1] * along[:, 0] - away[..., 0] * along[:, 1]) / det
-            s = (d[..., 0] * away[..., 1] - d[..., 1] * away[..., 0]) / det
-        t[~((s >= 0) & (s <= 1) & (t > 0) & (t <= reach))] = np.inf
-        t[np.arange(len(rows)), rows] = np.inf
-        nearest = t.argmin(axis=1)
-        distance[rows] = t[np.arange(len(rows)), nearest]
-        hit[rows] = np.where(np.isfinite(distance[rows]), nearest, -1)
+    for ray in range(len(origins)):
+        u, v = directions[ray, 0], directions[ray, 1]
+        for side in range(len(corners)):
+            along = (corners[side, 1, 0] - corners[side, 0, 0], corners[side, 1, 1] - corners[side, 0, 1])
+            away = (corners[side, 0, 0] - origins[ray, 0], corners[side, 0, 1] - origins[ray, 1])
+            det = v * along[0] - u * along[1]
+            if det == 0.0 or side == ray:
+                continue
+            t, s = (away[1] * along[0] - away[0] * along[1]) / det, (u * away[1] - v * away[0]) / det
+            if 0.0 <= s <= 1.0 and 0.0 < t <= reach and t < distance[ray]:
+                distance[ray], hit[ray] = t, side
     return distance, hit

@@ -165,8 +165,8 @@ def _measure(body, axisymmetric):
     inner, weights = _points(dim)
     x = body.x[body.cells]
     slope = slopes(inner, dim)
-    slope = np.moveaxis(slope[..., 1:] - slope[..., :1], 1, 2).reshape(-1, slope.shape[1]).T       # nodes, (q, k)
-    tangents = [(x[..., i] @ slope).reshape(len(x), -1, dim) for i in range(dim)]
+    slope = slope[..., 1:] - slope[..., :1]
+    tangents = [[x[..., i] @ slope[..., k].T for k in range(dim)] for i in range(dim)]
     measure = weights * np.abs(_volumes(tangents))
     if axisymmetric:
         measure *= 2 * np.pi * (x[:, :, 0] @ quadratic_shapes(inner, dim).T)
@@ -174,11 +174,11 @@ def _measure(body, axisymmetric):
 
 
 def _volumes(tangents):
-    """Determinants (m, q) of the tangents, by component (m, q, k); `numpy.linalg.det` takes them one by one."""
+    """Determinants (m, q) of the tangents (m, q), by component and direction; `numpy.linalg.det` takes them one by one."""
     if len(tangents) == 2:
-        (a, b), (c, d) = (np.moveaxis(t, 2, 0) for t in tangents)
+        (a, b), (c, d) = tangents
         return a * d - b * c
-    (a, b, c), (d, e, f), (g, h, i) = (np.moveaxis(t, 2, 0) for t in tangents)
+    (a, b, c), (d, e, f), (g, h, i) = tangents
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
