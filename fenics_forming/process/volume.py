@@ -219,6 +219,9 @@ def _jacobians(p: np.ndarray) -> np.ndarray:
     at = np.concatenate([np.eye(dim + 1), np.full((1, dim + 1), 1 / (dim + 1))])
     slope = np.swapaxes(slopes(at, dim), 1, 2)
     gradient = slope[:, 1:] - slope[:, :1]
-    return determinants(np.matmul(gradient, p[:, None]))
+    if dim == 2:
+        (a, c), (b, d) = ([p[..., i] @ gradient[:, k].T for k in range(2)] for i in range(2))
+        return a * d - b * c
+    return np.linalg.det(np.matmul(gradient, p[:, None]))
 
 

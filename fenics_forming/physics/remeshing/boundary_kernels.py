@@ -10,49 +10,65 @@ FACING = 0.7       # cosine between the way across and the normals of both walls
 
 
 @compiled
-def meeting(start, end, i, j, touch):
-    """Whether the segments i and j (p,) of those from start to end, (f, 2) each, cross or touch, within ``touch`` of their
-    lengths, (p,)."""
-    out = np.zeros(len(i), np.bool_)
-    for p in range(len(i)):
-        a, b = (start[i[p]], end[i[p]]), (start[j[p]], end[j[p]])
-        apart = np.sqrt((b[0][0] + b[1][0] - a[0][0] - a[1][0]) ** 2 + (b[0][1] + b[1][1] - a[0][1] - a[1][1]) ** 2)
-        lengths = (np.sqrt((a[1][0] - a[0][0]) ** 2 + (a[1][1] - a[0][1]) ** 2)
-                   + np.sqrt((b[1][0] - b[0][0]) ** 2 + (b[1][1] - b[0][1]) ** 2))
-        out[p] = apart <= lengths and _divided(a, b, touch) and _divided(b, a, touch)
-    return out
+def meetings(start, end, touch):
+    """Pairs i < j, (p, 2), of the segments from start to end, (f, 2) each, that cross or touch, within ``touch`` of their
+    lengths: those whose circles do so along the first axis are compared."""
+    middle, radius = 0.5 * (start + end), 0.5 * np.sqrt((end[:, 0] - start[:, 0]) ** 2 + (end[:, 1] - start[:, 1]) ** 2)
+    first = middle[:, 0] - radius
+    order = np.argsort(first)
+    pairs, found = np.empty((16, 2), np.int64), 0
+    for p in range(len(order)):
+        i = order[p]
+        for q in range(p + 1, len(order)):
+            j = order[q]
+            if first[j] > middle[i, 0] + radius[i]:
+                break
+            u, v, reach = middle[j, 0] - middle[i, 0], middle[j, 1] - middle[i, 1], radius[i] + radius[j]
+            if abs(v) > reach or np.sqrt(u**2 + v**2) > reach:
+                continue
+            if _divided(start, end, i, j, touch) and _divided(start, end, j, i, touch):
+                if found == len(pairs):
+                    pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                pairs[found, 0], pairs[found, 1] = min(i, j), max(i, j)
+                found += 1
+    return pairs[:found]
 
 
 @compiled
-def _divided(line, ends, touch):
-    """Whether two points lie on different sides of the line through two others, or one of them on it."""
-    u, v = line[1][0] - line[0][0], line[1][1] - line[0][1]
-    first = u * (ends[0][1] - line[0][1]) - v * (ends[0][0] - line[0][0])
-    second = u * (ends[1][1] - line[0][1]) - v * (ends[1][0] - line[0][0])
+def _divided(start, end, i, j, touch):
+    """Whether the ends of segment j lie on different sides of the line through segment i, or one of them on it."""
+    u, v = end[i, 0] - start[i, 0], end[i, 1] - start[i, 1]
+    first = u * (start[j, 1] - start[i, 1]) - v * (start[j, 0] - start[i, 0])
+    second = u * (end[j, 1] - start[i, 1]) - v * (end[j, 0] - start[i, 0])
     return first * second <= 0.0 or min(abs(first), abs(second)) <= touch * (u**2 + v**2)
 
 
 @compiled
-def nearest_walls(points, inward, s, loop, whole, pairs, near):
-    """Distance of points (n, 2) to the wall across the body, over the ``pairs`` (p, 2) of them; infinite without, (n,).
+def nearest_walls(points, inward, s, loop, whole, reach, near):
+    """Distance of points (n, 2) to the wall across the body, within ``reach`` of them; infinite without, (n,).
 
     inward : (n, 2) unit normals · s : (n,) arc lengths · loop : (n,) whose boundary it is, of the length ``whole`` (loops,)
     near : across counts as thin where the way around is so much longer
     """
-    out = np.full(len(points), np.inf)
-    for p in range(len(pairs)):
-        i, j = pairs[p, 0], pairs[p, 1]
-        across = (points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
-        distance = np.sqrt(across[0] ** 2 + across[1] ** 2)
-        around = np.inf
-        if loop[i] == loop[j]:
-            around = min(abs(s[j] - s[i]), whole[loop[i]] - abs(s[j] - s[i]))
-        if not around > near * distance or inward[i, 0] * inward[j, 0] + inward[i, 1] * inward[j, 1] >= -FACING:
-            continue
-        if across[0] * inward[i, 0] + across[1] * inward[i, 1] > FACING * distance:
-            out[i] = min(out[i], distance)
-        if -across[0] * inward[j, 0] - across[1] * inward[j, 1] > FACING * distance:
-            out[j] = min(out[j], distance)
+    out, order = np.full(len(points), np.inf), np.argsort(points[:, 0])
+    for p in range(len(order)):
+        i = order[p]
+        for q in range(p + 1, len(order)):
+            j = order[q]
+            u, v = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            if u > reach:
+                break
+            if abs(v) > reach or inward[i, 0] * inward[j, 0] + inward[i, 1] * inward[j, 1] >= -FACING:
+                continue
+            distance, around = np.sqrt(u**2 + v**2), np.inf
+            if loop[i] == loop[j]:
+                around = min(abs(s[j] - s[i]), whole[loop[i]] - abs(s[j] - s[i]))
+            if distance > reach or not around > near * distance:
+                continue
+            if u * inward[i, 0] + v * inward[i, 1] > FACING * distance:
+                out[i] = min(out[i], distance)
+            if -u * inward[j, 0] - v * inward[j, 1] > FACING * distance:
+                out[j] = min(out[j], distance)
     return out
 
 

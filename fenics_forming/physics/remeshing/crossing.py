@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from .boundary_kernels import meeting
+from .boundary_kernels import meetings
 
 TOUCH = 1e-9          # of the length of a side
 PIECES = 4            # of a parabola: a sixteenth of its height is missed
@@ -13,11 +12,7 @@ PIECES = 4            # of a parabola: a sixteenth of its height is missed
 
 def crossing(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """The sides, (f, 2) vertices, that cross or touch another one with which they share no vertex: (f,) bool."""
-    start, end = points[sides[:, 0]], points[sides[:, 1]]
-    length, middle = np.linalg.norm(end - start, axis=1), 0.5 * (start + end)
-    i, j = cKDTree(middle).query_pairs(length.max(), output_type="ndarray").T
-    meet = meeting(start, end, i, j, TOUCH)
-    i, j = i[meet], j[meet]
+    i, j = meetings(points[sides[:, 0]], points[sides[:, 1]], TOUCH).T
     meet = (sides[i][:, :, None] != sides[j][:, None, :]).all(axis=(1, 2))
     found = np.zeros(len(sides), dtype=bool)
     found[i[meet]] = found[j[meet]] = True
@@ -38,9 +33,6 @@ def curved_crossing(points: np.ndarray, sides: np.ndarray, middles: np.ndarray) 
 
 def crossings(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs i < j of the segments from a to b, (f, 2) each, of one closed way that cross or touch and do not follow."""
-    length, middle = np.linalg.norm(b - a, axis=1), 0.5 * (a + b)
-    i, j = np.sort(cKDTree(middle).query_pairs(length.max(), output_type="ndarray"), axis=1).T
-    meet = meeting(a, b, i, j, TOUCH)
-    i, j = i[meet], j[meet]
+    i, j = meetings(a, b, TOUCH).T
     meet = (j - i > 1) & ((i > 0) | (j < len(a) - 1))
     return i[meet], j[meet]

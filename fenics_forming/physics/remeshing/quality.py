@@ -73,14 +73,14 @@ def scaled_jacobian(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
     1 for straight-sided cells with the mid-nodes half-way; 0 or less where the map of the cell folds over.
     """
     dim = x.shape[1]
-    p = x[cells]
     gradients = _gradients(dim)
-    if dim == 2:
-        (a, c), (b, d) = ([p[..., i] @ g.T for g in gradients] for i in range(2))
-        det = a * d - b * c
-    else:
-        jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), *gradients.shape[:2], dim)
-        det = np.linalg.det(np.moveaxis(jacobian, 2, 1))      # cells, points, derivative, component
+    if dim == 2:       # points, cells
+        (a, c), (b, d) = ([g @ x[:, i][cells.T] for g in gradients] for i in range(2))
+        straight = _determinant(x[cells[:, :3]])
+        return _over(((a * d - b * c) * np.sign(straight)).min(axis=0), np.abs(straight))
+    p = x[cells]
+    jacobian = np.matmul(gradients.reshape(-1, gradients.shape[-1]), p).reshape(len(p), *gradients.shape[:2], dim)
+    det = np.linalg.det(np.moveaxis(jacobian, 2, 1))      # cells, points, derivative, component
     straight = _determinant(p[:, : dim + 1])
     return _over((det * np.sign(straight)[:, None]).min(axis=1), np.abs(straight))
 

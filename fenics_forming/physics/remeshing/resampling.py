@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from .boundary_kernels import nearest_walls
 from .curve import Curve
@@ -132,6 +131,7 @@ class Boundary:
     def _thickness(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Distance to the wall opposite, across the body, at the samples; infinite where it is far, mm."""
         inward = np.concatenate([c.tangents(c.s) for c in self.curves])[:, ::-1] * [-1.0, 1.0]
-        pairs = 2 * cKDTree(points[::2]).query_pairs(reach, output_type="ndarray")
-        return nearest_walls(points, np.ascontiguousarray(inward), self._s, self._loop_of_sample, np.diff(self._limits),
-                             pairs, NEAR)
+        thickness = np.full(len(points), np.inf)
+        thickness[::2] = nearest_walls(points[::2], inward[::2].copy(), self._s[::2], self._loop_of_sample[::2],
+                                       np.diff(self._limits), reach, NEAR)
+        return thickness
