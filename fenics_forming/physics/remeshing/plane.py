@@ -59,7 +59,9 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
         boundary.refine(spans)
     if best is None:
         raise MeshError(f"the body could not be meshed anew: {'; '.join(reasons.values())}")
-    return replace(best, healed=tuple(changes))
+    made = replace(best, healed=tuple(changes))
+    made.__dict__["sides"] = best.sides       # which a copy would look for again
+    return made
 
 
 def _around(body: BodyArrays, sizes) -> np.ndarray:
@@ -117,6 +119,6 @@ def _order_two(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray, outline:
     label = np.zeros(len(x), dtype=np.int64)
     label[count + on_side] = outline.labels
     made = Remeshed(x=x, cells=cells, labels=label[new[:, 2]], engine=engine)
-    made.__dict__["sides"] = new
+    made.__dict__["sides"] = new       # the property of that name, known already
     return made
 
