@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from .node_kernels import lengths
 from .parallel import total
 
 
@@ -27,8 +28,7 @@ class FlowResults:
 
     def nodal_rate(self) -> np.ndarray:
         """Effective strain rate at the nodes (nodes,), 1/s."""
-        corners = self._strain_rate_at_vertices()
-        return self.nodes.vertex_mean(np.sqrt(2 / 3 * np.einsum("cvk,cvk->cv", corners, corners)))
+        return self.nodes.vertex_mean(np.sqrt(2 / 3) * lengths(self._strain_rate_at_vertices()))
 
     def _strain_rate_at_vertices(self):
         cells = len(self.nodes.cells)

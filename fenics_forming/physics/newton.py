@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from ..errors import ConvergenceError
 from .linear_choice import linear_system
-from .node_kernels import sum_of_squares
+from .node_kernels import sums_of_squares
 from .parallel import highest, total
 from .point_data import sensible
 from .workpiece import Workpiece
@@ -177,8 +177,11 @@ class FlowSolver:
         body.stress_from_rate(rate)
         body.cut_stress(rate)
         self.seconds["assembly"] += perf_counter() - start
-        bad = np.isnan(body.sigma).sum() + (0 if nodal is None else np.isnan(nodal).sum())
-        sums = total(body.nodes.comm, np.array([body.sigma.sum(), body.sigma.size, bad]))
+        whole = body.sigma.sum()
+        bad = np.isnan(body.sigma).sum() if np.isnan(whole) else 0
+        if nodal is not None and np.isnan(nodal.sum()):
+            bad += np.isnan(nodal).sum()
+        sums = total(body.nodes.comm, np.array([whole, body.sigma.size, bad]))
         if sums[2]:
             raise ConvergenceError(f"the flow stress is not a positive, finite number at {sums[2]:.0f} points")
         flow_stress = float(sums[0] / sums[1])
@@ -327,8 +330,8 @@ class FlowSolver:
 
     def _relative_change(self) -> float:
         body = self.workpiece
-        squares = [sum_of_squares(f.x.array, body.owned_velocity_dofs) for f in (body.increment, body.solution)]
-        sums = total(body.nodes.comm, np.array(squares))
+        squares = sums_of_squares(body.increment.x.array, body.solution.x.array, body.owned_velocity_dofs)
+        sums = total(body.nodes.comm, squares)
         return float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0
 
 

@@ -12,7 +12,7 @@ from dolfinx import fem, la
 from dolfinx.mesh import Mesh
 
 from . import compiling  # noqa: F401  before the first form or space is compiled
-from .node_kernels import products, sums_at_vertices
+from .node_kernels import areas, fill_mids, least_jacobian, means_at_nodes, products, sums_at_vertices
 from .parallel import highest, lowest
 
 QUADRATURE_DEGREE = {2: 3, 3: 2}   # of the flow: 6 points a triangle, 4 a tetrahedron
@@ -26,6 +26,7 @@ class Nodes:
     cells : (cells, nodes per cell) nodes of the owned cells; the vertices come first
     vertices : (cells, dim + 1) the same, vertices only
     count : number of nodes on this rank, ghosts included
+    x : positions (count, dim), mm: a view, writing moves the mesh
     """
 
     def __init__(self, mesh: Mesh):
@@ -37,7 +38,8 @@ class Nodes:
         owned = mesh.topology.index_map(self.dim).size_local
         self.cells = mesh.geometry.dofmap[:owned]
         self.vertices = self.cells[:, : self.dim + 1]
-        self.count = mesh.geometry.x.shape[0]
+        self.x = mesh.geometry.x[:, : self.dim]
+        self.count = len(self.x)
         self.scalar_space = fem.functionspace(mesh, ("Lagrange", 1))
         self.scalar_dofs = np.full(self.count, -1, dtype=np.int32)
         self.scalar_dofs[mesh.geometry.dofmap[:, : self.dim + 1].ravel()] = self.scalar_space.dofmap.list.ravel()
@@ -53,18 +55,17 @@ class Nodes:
         self._orientation = np.sign(np.linalg.det(p[:, 1:] - p[:, :1])) if len(p) else np.empty(0)
         self._sums: dict[int, la.Vector] = {}
 
-    @property
-    def x(self) -> np.ndarray:
-        """Positions (count, dim), mm: a view, writing moves the mesh."""
-        return self.mesh.geometry.x[:, : self.dim]
-
     def cell_sizes(self) -> np.ndarray:
         """Straight-sided area or volume of the owned cells, (cells,)."""
+        if self.dim == 2:
+            return areas(self.x, self.cells)
         p = self.x[self.vertices]
-        return np.abs(determinants(p[:, 1:] - p[:, :1])) / (2.0 if self.dim == 2 else 6.0)
+        return np.abs(determinants(p[:, 1:] - p[:, :1])) / 6.0
 
     def smallest_jacobian(self) -> float:
         """Smallest determinant of the cell maps at the integration points, mm² or mm³; negative: inverted."""
+        if self.dim == 2:
+            return least_jacobian(self.x, self.cells, self._gradients, self._orientation)
         oriented = determinants(self._local_gradients(self.x)) * self._orientation[:, None]
         return float(oriented.min()) if oriented.size else np.inf
 
@@ -103,7 +104,10 @@ class Nodes:
 
     def with_mids(self, nodal: np.ndarray) -> np.ndarray:
         """Fill the mid-nodes, in place, with the mean of the ends of their edge: (count[, k])."""
-        nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
+        if nodal.dtype == float and nodal.flags.c_contiguous:
+            fill_mids(nodal.reshape(len(nodal), -1), self._edge_mid, self._edge_ends)
+        else:
+            nodal[self._edge_mid] = 0.5 * (nodal[self._edge_ends[:, 0]] + nodal[self._edge_ends[:, 1]])
         return nodal
 
     def edge_middles(self) -> tuple[np.ndarray, np.ndarray]:
@@ -123,9 +127,11 @@ class Nodes:
         """
         width = int(np.prod(at_vertices.shape[2:]))
         flat = np.ascontiguousarray(at_vertices).reshape(len(self.cells), self.dim + 1, width)
-        sums = self.sum_over_ranks(sums_at_vertices(self.vertices, self.cell_sizes(), flat, self.count))
-        mean = sums[:, 1:] / sums[:, :1]
-        mean = self.with_mids(mean)
+        if self.comm.size == 1:
+            mean = means_at_nodes(self.vertices, self.cell_sizes(), flat, self._edge_mid, self._edge_ends, self.count)
+        else:
+            sums = self.sum_over_ranks(sums_at_vertices(self.vertices, self.cell_sizes(), flat, self.count))
+            mean = self.with_mids(sums[:, 1:] / sums[:, :1])
         return mean.reshape((self.count,) + at_vertices.shape[2:])
 
     def _local_gradients(self, nodal):

@@ -16,12 +16,14 @@ from mpi4py import MPI
 from .facets import exterior_facets
 from .kinematics import Kinematics
 from .locating import by_coordinate
+from .machine_code import compiled
 from .nodes import EDGES, Nodes, determinants, quadratic_shapes
 from .parallel import total
 
 # vertices of the facets of a cell whose Jacobian is positive: body on the left (2-D), normal outwards (3-D)
 FACETS = {2: ((1, 2), (2, 0), (0, 1)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
 FOOT_STEPS = 6
+FOUND = 1e-13   # of a side: a step so small is the last
 DEGREE = {2: 5, 3: 4}      # of r² dz and of x · n dA on a quadratic side
 
 
@@ -54,12 +56,13 @@ class Surface:
     # ------------------------------------------------------------------ volume
     def volume(self, x: np.ndarray) -> float:
         """Volume enclosed when the nodes are at ``x`` (n, dim), mm³ (mm² in plane strain). Collective."""
+        if self.dim == 2:
+            axisymmetric = self.kinematics.name == "axisymmetric"
+            return total(self.comm, enclosed(x, self.sides, self._shape, self._gradient[0], self._weights, self._middle,
+                                             axisymmetric))
         p = x[self.sides]
-        if self.kinematics.name == "axisymmetric":        # of all sides at once: it is asked for many times an offset
-            flux = np.pi * (p[..., 0] @ self._shape.T) ** 2 * (p[..., 1] @ self._gradient[0].T)
-        else:
-            at, normal = np.matmul(self._shape, p) - self._middle, self._area_vectors(self._gradient, p)
-            flux = np.einsum("fqi,fqi->fq", at, normal) / self.dim
+        at, normal = np.matmul(self._shape, p) - self._middle, self._area_vectors(self._gradient, p)
+        flux = np.einsum("fqi,fqi->fq", at, normal) / 3
         return float(total(self.comm, (flux @ self._weights).sum()))
 
     def volume_rate(self, x: np.ndarray, motion: np.ndarray) -> float:
@@ -103,6 +106,8 @@ class Surface:
             step = np.clip(np.linalg.solve(metric, along[..., None])[..., 0], -1.0, 1.0)
             inner[:, 1:] += step
             inner[:, 0] -= step.sum(axis=1)
+            if np.abs(step).max(initial=0.0) < FOUND:
+                break
         at, tangents = self._at(inner, p)
         normal = _across(np.moveaxis(tangents, 1, 0))
         return at, normal / _lengths(normal)[:, None], (inner > -1e-6).all(axis=1)
@@ -149,6 +154,27 @@ class Surface:
     def _area_vectors(self, gradient: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Outward normals, as long as the surface is stretched, at points of the sides p (f, nodes, dim)."""
         return _across([np.matmul(g, p) for g in gradient])
+
+
+@compiled
+def enclosed(x, sides, shape, gradient, weights, middle, axisymmetric):
+    """Area, or volume of revolution, between sides (sides, 3) in the plane with nodes at ``x``, of shapes and slopes
+    (points, 3) and weights (points,); lengths are counted from the ``middle`` (2,)."""
+    out = 0.0
+    for f in range(len(sides)):
+        for q in range(len(weights)):
+            at = up = across = along = 0.0
+            for a in range(sides.shape[1]):
+                node = sides[f, a]
+                at += shape[q, a] * x[node, 0]
+                up += shape[q, a] * x[node, 1]
+                across += gradient[q, a] * x[node, 1]
+                along -= gradient[q, a] * x[node, 0]
+            if axisymmetric:
+                out += np.pi * at * at * across * weights[q]
+            else:
+                out += 0.5 * ((at - middle[0]) * across + (up - middle[1]) * along) * weights[q]
+    return out
 
 
 @cache

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from ..physics.contact.rigid import RigidContact
 from ..physics.newton import FlowSolver
+from ..physics.node_kernels import moments
 from ..physics.parallel import highest, lowest, total
 from ..physics.workpiece import Workpiece
 from .approach import NEAR
@@ -195,9 +196,7 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         if self.workpiece.last_rate is None:
             return 0.0
         rate, before = self.workpiece.last_rate
-        rate = rate.reshape(len(self.nodes.cells), -1)
-        size = self.nodes.cell_sizes()[:, None]
-        sums = total(self.nodes.comm, np.array([(size * rate**2).sum(), (size * rate).sum()]))
+        sums = total(self.nodes.comm, moments(rate, self.nodes.cell_sizes()))
         return float(sums[0] / sums[1]) * characteristic_rate / before if sums[1] > 0 else 0.0
 
     def new_history(self) -> dict[str, np.ndarray]:

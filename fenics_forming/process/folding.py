@@ -21,6 +21,7 @@ FACING = -0.5         # cosine between the normals of surfaces that face one ano
 LEAST_DEPTH = 0.01    # of the height of a cell: a node less deep in it has not crossed the surface
 CANDIDATES = 8        # sides from which the depth of a node that has crossed is measured
 ROUNDING = 1e-9       # of a side
+FOUND = 1e-12         # of a cell: a Newton step so small is the last
 TURNS = 6             # Newton steps in a curved cell or on a curved side
 FEW = 200_000         # pairs that are compared faster than a search tree is imported and built
 APART = 3.0           # element sizes between the nodes of two folds
@@ -208,6 +209,8 @@ def _curved_coordinates(p: np.ndarray, points: np.ndarray, inner: np.ndarray) ->
         step = np.clip(np.linalg.solve(tangents, miss[:, :, None])[:, :, 0], -1.0, 1.0)
         inner[:, 1:] += step
         inner[:, 0] -= step.sum(axis=1)
+        if np.abs(step).max(initial=0.0) < FOUND:
+            break
     return inner
 
 

@@ -61,6 +61,11 @@ class StepChoice:
         """Share of the nominal step that is tried next."""
         return self._fraction
 
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether the flow sets the steps."""
+        return self._adaptivity is not None
+
     def resume(self, fraction: float) -> None:
         """Go on with the share of the nominal step that an earlier run had come to; one that had failed tries anew."""
         self._fraction = fraction if fraction >= self.min_fraction else 1.0

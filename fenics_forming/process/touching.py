@@ -42,7 +42,7 @@ class Touching:
 
     def tool_speed(self) -> float:
         """Greatest speed of a tool at the contact points, mm/s; of one that yields also that of its drive."""
-        fastest = max((float(np.sqrt((v**2).sum(axis=1)).max(initial=0.0)) for t in self.tools
+        fastest = max((float(np.sqrt((v**2).sum(axis=1).max(initial=0.0))) for t in self.tools
                        for v in t.velocities()), default=0.0)
         return highest(self.nodes.comm, fastest)
 

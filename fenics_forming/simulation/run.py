@@ -218,7 +218,7 @@ class Simulation:
             if self._saved is None:
                 recorder.step(state, "start", 0.0)
                 observer.step(recorder.row, "start")
-            while (why := stepper.stops.reached(state, self.body, recorder.force(self.scene.counting_tool))) is None:
+            while (why := stepper.stops.reached(state, self.body, recorder.force_to_stop_at())) is None:
                 begun = perf_counter()
                 if self.keeper is not None:
                     state = stepper.on_a_fit_mesh(state, observer)

@@ -104,7 +104,7 @@ class Stepper:
                 tries, shortened = tries + 1, hit
                 self._go_back(before, scheme, state.time)
                 continue
-            self.choice.succeeded(error, body.size, body.landing_share())
+            self.choice.succeeded(error, body.size, body.landing_share() if self.choice.is_adaptive else 0.0)
             self.solves += solves
             self.renewed = None
             return reached, reason

@@ -134,11 +134,15 @@ class ContactFacets:
         columns = np.ascontiguousarray(nodal, float).reshape(len(nodal), -1)
         return at_points(columns, self.facet_nodes, self.shape).reshape((self.count, *nodal.shape[1:]))
 
-    def weights(self) -> np.ndarray:
-        """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,)."""
-        jacobian = np.linalg.norm(self.area_vectors(), axis=-1)
-        surface = (jacobian * self._reference_weights).ravel()
-        return surface * self._kinematics.weight_at(self.trace(self._nodes.x))
+    def weights(self, points: np.ndarray | None = None) -> np.ndarray:
+        """Surface of the body that belongs to each point, mm² (mm in plane strain), (points,); at ``points``, where they
+        are known."""
+        points = self.trace(self._nodes.x) if points is None else points
+        if self.dim == 2:
+            surface = side_lengths(self._nodes.x, self.facet_nodes, self._gradient[0], self._reference_weights)
+        else:
+            surface = (np.linalg.norm(self.area_vectors(), axis=-1) * self._reference_weights).ravel()
+        return surface * self._kinematics.weight_at(points)
 
     def area_vectors(self) -> np.ndarray:
         """Vectors across the facets at their points, as long as the surface is stretched there, (facets, points per
@@ -150,13 +154,8 @@ class ContactFacets:
 
     def to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Hat-weighted mean at the vertices of values at the points, (points,) → (nodes,); 0 off the contact."""
-        corners = self.facet_nodes[:, : self.dim]
-        hats = self.hats
-        w = weights.reshape(-1, self.points_per_facet)
-        share = np.einsum("fq,qa->fa", w, hats).ravel()
-        load = np.einsum("fq,qa->fa", w * values.reshape(w.shape), hats).ravel()
-        count = self._nodes.count
-        sums = np.stack([np.bincount(corners.ravel(), load, count), np.bincount(corners.ravel(), share, count)], axis=1)
+        count, shape = self._nodes.count, (-1, self.points_per_facet)
+        sums = hat_sums(self.facet_nodes, weights.reshape(shape), values.reshape(shape), self.hats, count)
         sums = self._nodes.sum_over_ranks(sums)
         return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(count), where=sums[:, 1] > 0)
 
@@ -193,6 +192,36 @@ def at_points(nodal, groups, shape):
             for a in range(shape.shape[1]):
                 for i in range(nodal.shape[1]):
                     out[f, q, i] += shape[q, a] * nodal[groups[f, a], i]
+    return out
+
+
+@compiled
+def side_lengths(x, sides, gradient, weights):
+    """Length of the sides (sides, 3) in the plane that belongs to their points of reference gradients (points, 3) and
+    weights (points,): (sides · points,)."""
+    out = np.empty((len(sides), len(weights)))
+    for f in range(len(sides)):
+        for q in range(len(weights)):
+            along = up = 0.0
+            for a in range(sides.shape[1]):
+                along += gradient[q, a] * x[sides[f, a], 0]
+                up += gradient[q, a] * x[sides[f, a], 1]
+            out[f, q] = np.sqrt(along * along + up * up) * weights[q]
+    return out.ravel()
+
+
+@compiled
+def hat_sums(facets, weights, values, hats, count):
+    """Per node the sums over the facets' points of their weights (facets, points) times the hats (points, vertices), with
+    ``values`` (facets, points) and without: (count, 2)."""
+    out = np.zeros((count, 2))
+    for f in range(len(facets)):
+        for a in range(hats.shape[1]):
+            row = out[facets[f, a]]
+            for q in range(len(hats)):
+                share = weights[f, q] * hats[q, a]
+                row[0] += share * values[f, q]
+                row[1] += share
     return out
 
 

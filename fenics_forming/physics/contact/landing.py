@@ -16,16 +16,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..parallel import total
+from .point_law import landing_power
 from .rigid import RigidContact
 
 
 def share_on_the_body(contact: RigidContact) -> float:
     r"""Power of the tools without what landing points take, :math:`1-\int p\,g/\Delta t\,d\Gamma/P`, 0 to 1. Collective."""
-    given = landing = 0.0
+    sums = np.zeros(2)
     for tool in contact.tools:
-        state = tool.state
-        given += np.einsum("pi,pi,p->", tool.traction, state.tool_velocity, contact.weights)
-        come = state.active & ~state.before & (state.gap > 0)
-        landing += np.sum(state.pressure[come] * state.gap[come] * contact.weights[come]) / contact.dt
-    given, landing = contact.facets.integral(np.array([[given, landing]]))
-    return float(np.clip(1.0 - landing / given, 0.0, 1.0)) if given > 0 < landing else 1.0
+        sums += landing_power(tool.state, tool.traction, contact.weights)
+    given, landed = total(contact.facets.comm, sums).tolist()
+    return min(max(1.0 - landed / contact.dt / given, 0.0), 1.0) if given > 0 < landed else 1.0

@@ -105,6 +105,18 @@ def update_friction_stress(state: PointState, new_slip: np.ndarray, limit: np.nd
     state.slip = new_slip
 
 
+def powers(state: PointState, traction: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
+    """Powers, mW, of tractions (points, dim) on surfaces ``weights`` (points,), of which the body has the velocity (points,
+    dim): given by the tool, lost in friction, and taken by the pressure where the body gives way along the normal."""
+    return _powers(*_plain(traction, state.tool_velocity, velocity, state.normal, state.pressure, weights))
+
+
+def landing_power(state: PointState, traction: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """Power that the tool gives, mW, and ∫ p g dΓ, N mm, over points that have a gap and did not press before."""
+    return _landing_power(*_plain(traction, state.tool_velocity, state.pressure, state.gap, weights, state.active,
+                                  state.before))
+
+
 # ---------------------------------------------------------------------- compiled, point by point
 def _plain(*arrays) -> tuple[np.ndarray, ...]:
     """The arrays as the kernels are compiled for: with no steps between their numbers."""
@@ -153,6 +165,33 @@ def _normal_response(pressure, active, normal, coefficient):
             for j in range(dim):
                 tangent[p, i, j] = stiffness * normal[p, i] * normal[p, j]
     return traction, tangent
+
+
+@compiled
+def _powers(traction, tool_velocity, velocity, normal, pressure, weights):
+    given = lost = penalty = 0.0
+    for p in range(len(weights)):
+        along = of_tool = of_slip = 0.0
+        for i in range(traction.shape[1]):
+            relative = velocity[p, i] - tool_velocity[p, i]
+            of_tool += traction[p, i] * tool_velocity[p, i]
+            of_slip += traction[p, i] * relative
+            along += relative * normal[p, i]
+        given += of_tool * weights[p]
+        lost -= of_slip * weights[p]
+        penalty -= pressure[p] * along * weights[p]
+    return given, lost - penalty, penalty
+
+
+@compiled
+def _landing_power(traction, tool_velocity, pressure, gap, weights, active, before):
+    given = landing = 0.0
+    for p in range(len(weights)):
+        for i in range(traction.shape[1]):
+            given += traction[p, i] * tool_velocity[p, i] * weights[p]
+        if active[p] and not before[p] and gap[p] > 0:
+            landing += pressure[p] * gap[p] * weights[p]
+    return given, landing
 
 
 @compiled

@@ -111,8 +111,9 @@ class KnownTool:
         if self.deformation is not None:
             slowed = getattr(self.free, "slowed", None)
             return [self.given_velocity] if slowed is None else slowed(self.given_velocity)
-        share = 1.0 if self.free is None else self.free.share_of_drive
-        return [self.state.tool_velocity, share * self.given_velocity]
+        if self.free is None:
+            return [self.given_velocity]
+        return [self.state.tool_velocity, self.free.share_of_drive * self.given_velocity]
 
     @property
     def is_sought(self) -> bool:
@@ -255,7 +256,7 @@ class RigidContact:
         self.facets.follow()
         self.dt = dt
         self.points = self.facets.trace(positions)
-        self.weights = self.facets.weights()
+        self.weights = self.facets.weights(self.points)
         for tool in self.tools:
             tool.state.before = tool.state.active.copy()
             tool.state.gap, tool.state.normal = tool.gap(self.points)
@@ -362,7 +363,7 @@ class RigidContact:
     # ------------------------------------------------------------------ what the tools feel
     def force(self, tool: KnownTool) -> np.ndarray:
         """Force of the tool on the body, (dim,), N (N/mm in plane strain; of the full 360° in axisymmetry)."""
-        return self.facets.integral(tool.traction * self.weights[:, None])
+        return total(self.facets.comm, self.weights @ tool.traction)
 
     def along_motions(self, tool: KnownTool, motions: FreeMotions | None = None) -> np.ndarray:
         """Forces of the tool on the body along its own motions, or others, ∫ Φᵀt, (n,), N. Collective."""
@@ -395,15 +396,7 @@ class RigidContact:
     def powers(self, velocity: np.ndarray) -> dict[str, float]:
         """Power, mW: given by the tools, lost in friction, taken by the penalty and by landing points."""
         v = self.facets.trace(velocity)
-        given = friction = penalty = 0.0
+        sums = np.zeros(3)
         for tool in self.tools:
-            state, t, w = tool.state, tool.traction, self.weights
-            given += np.einsum("pi,pi,p->", t, state.tool_velocity, w)
-            relative = v - state.tool_velocity
-            normal = np.einsum("pi,pi->p", relative, state.normal)
-            lost = -np.einsum("pi,pi,p->", t, relative, w)
-            in_normal = -np.einsum("p,p,p->", state.pressure, normal, w)
-            penalty += in_normal
-            friction += lost - in_normal
-        total = self.facets.integral(np.array([[given, friction, penalty]]))
-        return {"tools": float(total[0]), "friction": float(total[1]), "penalty": float(total[2])}
+            sums += law.powers(tool.state, tool.traction, v, self.weights)
+        return dict(zip(("tools", "friction", "penalty"), total(self.facets.comm, sums).tolist(), strict=True))

@@ -90,7 +90,8 @@ class Plane:
 
     def __post_init__(self):
         point = _vector("point", self.point)
-        _freeze(self, point=point, normal=_direction("normal", self.normal, len(point)))
+        normal = _direction("normal", self.normal, len(point))
+        _freeze(self, point=point, normal=normal, _arrays=(np.array(point), np.array(normal)))
 
     @property
     def dimension(self):
@@ -100,8 +101,10 @@ class Plane:
     def closest(self, points):
         """Signed gap (n,) in mm and unit normal (n, d); see `Surface.closest`."""
         points = np.asarray(points, float)
-        gap = (points - np.asarray(self.point)) @ np.asarray(self.normal)
-        return gap, np.tile(self.normal, (len(points), 1))
+        point, normal = self._arrays
+        normals = np.empty(points.shape)
+        normals[:] = normal
+        return (points - point) @ normal, normals
 
     def bounds(self):
         """Low and high corner in mm: flat for a plane normal to an axis, else infinite."""

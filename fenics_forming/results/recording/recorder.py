@@ -125,7 +125,7 @@ class Recorder:
         row |= equipment_columns(run, state.time)
         acts = body.share_on_the_body()
         for tool in body.tools:
-            row[f"force_{tool.name}_{unit}"] = self.force(tool.name)
+            row[f"force_{tool.name}_{unit}"] = self._force(tool, acts)
         for tool in body.tools:
             if tool.motion.centre is not None:
                 way = -1.0 if tool.motion.angular_velocity < 0 else 1.0
@@ -160,8 +160,16 @@ class Recorder:
         if name is None:        # no tool moves
             return 0.0
         tool = next(tool for tool in self.run.body.tools if tool.name == name)
+        return self._force(tool, self.run.body.share_on_the_body())
+
+    def force_to_stop_at(self) -> float:
+        """:meth:`force` of the tool that counts, N, in a run that stops at one; else 0, which nobody asks for."""
+        return self.force(self.scene.counting_tool) if self.scene.stop.force is not None else 0.0
+
+    def _force(self, tool, share: float) -> float:
+        """The same of a tool, with the share of it that acts on the body."""
         direction = self._working_direction(tool)
-        force = self.run.body.share_on_the_body() * self.run.body.contact.force(tool)
+        force = share * self.run.body.contact.force(tool)
         return float(force @ direction) * self.bodies.copies(direction)
 
     def _working_direction(self, tool) -> np.ndarray:
