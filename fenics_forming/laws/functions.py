@@ -64,4 +64,5 @@ def zeros_like(*values):
     """Zero in the common shape of the values; 0.0 for UFL expressions."""
     if any(map(is_ufl, values)):
         return 0.0
-    return np.zeros(np.broadcast_shapes(*(np.shape(v) for v in values if v is not None)))[()]
+    shapes = {np.shape(v) for v in values if v is not None}
+    return np.zeros(shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes))[()]

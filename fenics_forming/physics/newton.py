@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from ..errors import ConvergenceError
 from .linear_choice import linear_system
-from .node_kernels import sums_of_squares
+from .node_kernels import greatest, sums_of_squares
 from .parallel import highest, total
 from .point_data import sensible
 from .workpiece import Workpiece
@@ -346,8 +346,8 @@ def _border(workpiece: Workpiece):
 
 def _relative(force: np.ndarray, before: np.ndarray) -> float:
     """Greatest change of the forces relative to the greatest force; 0 where there is none."""
-    size = np.abs(force).max()
-    return float(np.abs(force - before).max() / size) if size > 0 else 0.0
+    size, change = greatest(force, before)
+    return change / size if size > 0 else 0.0
 
 
 def _left(change: float, before: float) -> float:

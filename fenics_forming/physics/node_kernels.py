@@ -110,6 +110,20 @@ def sums_of_squares(values, others, chosen):
 
 
 @compiled
+def greatest(values, others):
+    """Greatest size of some numbers (n, k), and of their differences from others; NaN where one is."""
+    size = change = 0.0
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            number, away = abs(values[i, k]), abs(values[i, k] - others[i, k])
+            if number > size or number != number:
+                size = number
+            if away > change or away != away:
+                change = away
+    return size, change
+
+
+@compiled
 def moments(values, sizes):
     """Sums of the squares of values (cells · points,) and of the values, each times the size (cells,) of its cell: (2,)."""
     out, points = np.zeros(2), len(values) // max(len(sizes), 1)

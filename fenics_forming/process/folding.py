@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.locating import by_coordinate
-from ..physics.nodes import quadratic_shapes
+from ..physics.nodes import EDGES, quadratic_shapes
 from ..physics.parallel import lowest
 from .volume import FreeSurface
 
@@ -104,8 +104,10 @@ class FoldFinder:
         foreign = ~(self._numbers[self._cells[cell]] == points.numbers[point, None]).any(axis=1)
         cell, point = cell[foreign], point[foreign]
         inner = _straight_coordinates(p[cell, : self.free.surface.dim + 1], points.x[point])
-        close = inner.min(axis=1, initial=0.0) > -0.5
+        close = (inner.min(axis=1, initial=0.0) > -0.5) & _in_boxes(p[cell], points.x[point])
         cell, point = cell[close], point[close]
+        if not close.any():
+            return point
         inner = _curved_coordinates(p[cell], points.x[point], inner[close])
         return point[(inner > LEAST_DEPTH).all(axis=1)]
 
@@ -116,6 +118,8 @@ class FoldFinder:
         opposed = np.einsum("pi,pi->p", points.normals[point], sides.normals[side]) < FACING / 2
         foreign = ~(sides.numbers[side] == points.numbers[point, None]).any(axis=1)
         side, point = side[opposed & foreign], point[opposed & foreign]
+        if not len(point):
+            return point
         place, normal, within = self.free.surface.foot(sides.p[side], points.x[point])
         above = np.einsum("pi,pi->p", points.x[point] - place, normal) / sides.lengths[side]
         facing = np.einsum("pi,pi->p", points.normals[point], normal) < FACING
@@ -189,6 +193,16 @@ def _near(points: np.ndarray, centres: np.ndarray, reach: np.ndarray) -> tuple[n
     found = cKDTree(points).query_ball_point(centres, reach, return_sorted=False)
     counts = np.fromiter(map(len, found), int, len(found))
     return np.repeat(np.arange(len(centres)), counts), np.concatenate(found).astype(int)
+
+
+def _in_boxes(p: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether points (p, dim) lie in the box around the control points of the quadratic cells beside them, which holds all
+    of the cell, (p,)."""
+    dim = points.shape[1]
+    ends = np.array(EDGES[dim])
+    corners = p[:, : dim + 1]
+    control = np.concatenate([corners, 2 * p[:, dim + 1:] - 0.5 * (p[:, ends[:, 0]] + p[:, ends[:, 1]])], axis=1)
+    return ((points >= control.min(axis=1)) & (points <= control.max(axis=1))).all(axis=1)
 
 
 def _straight_coordinates(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

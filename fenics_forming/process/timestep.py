@@ -52,9 +52,9 @@ class StepChoice:
         self._reason = "step"
 
     @property
-    def _landmarks(self) -> np.ndarray:
+    def _landmarks(self) -> list[float]:
         times = self._given_landmarks() if callable(self._given_landmarks) else self._given_landmarks
-        return np.sort(np.asarray(list(times), float))
+        return sorted(map(float, times))
 
     @property
     def fraction(self) -> float:
@@ -80,10 +80,10 @@ class StepChoice:
             allowed = self._adaptivity.max_strain_increment / fast if fast > 0 else np.inf
             if allowed < dt:
                 dt, reason = max(allowed, nominal * self.min_fraction), "strain"
-        landmarks = self._landmarks
-        ahead = landmarks[landmarks > time + 1e-9 * min(nominal, 1e30)]
-        if ahead.size:
-            left = ahead[0] - time
+        least = time + 1e-9 * min(nominal, 1e30)
+        ahead = next((moment for moment in self._landmarks if moment > least), None)
+        if ahead is not None:
+            left = ahead - time
             if dt >= left * (1 - NEAR):
                 return Limit(left, reason if dt <= left * (1 + NEAR) else "target")
             if dt > 0.5 * left and dt < left and self._adaptivity is not None:
@@ -97,9 +97,8 @@ class StepChoice:
 
     def end_of(self, time: float, dt: float) -> float:
         """time + dt, free of rounding where that is to be hit exactly: drives may jump there."""
-        landmarks = self._landmarks
-        near = landmarks[np.abs(landmarks - (time + dt)) <= 1e-9 * dt]
-        return float(near[0]) if near.size else time + dt
+        end = time + dt
+        return next((moment for moment in self._landmarks if abs(moment - end) <= 1e-9 * dt), end)
 
     def failed(self, time: float, tried: float) -> bool:
         """Halve the step ``tried`` from ``time`` on; False where it would become too short."""

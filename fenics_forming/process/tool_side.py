@@ -45,7 +45,7 @@ class ToolSide:
         held = self._pressed_nodes()
         self.x[self._held] = self._held_at
         self._as_shifted = self.x[self.boundary]
-        reach = self.reach + (slack[self.boundary] if isinstance(slack, np.ndarray) else slack)
+        reach = self.reach + (slack if np.size(slack) == 1 else slack[self.boundary])
         self.sunk = put_on_tools(self.x, self.tools, self.boundary, held, reach) if self.tools else 0.0
         self.x[self._held] = self._held_at      # where a tool slopes on a mirror plane, its normal leads away from there
         self.seconds["shifting"] += perf_counter() - start

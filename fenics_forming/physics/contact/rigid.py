@@ -59,7 +59,7 @@ class ToolMotion:
 
     def velocity_at(self, points: np.ndarray) -> np.ndarray:
         """Velocity of the tool's material at points in space, (n, dim), mm/s."""
-        v = np.broadcast_to(self.velocity, points.shape)
+        v = np.full(points.shape, self.velocity, float)
         if self.centre is None or self.angular_velocity == 0.0:
             return v
         arm = points - (self.centre + self.displacement)

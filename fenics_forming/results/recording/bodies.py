@@ -33,7 +33,7 @@ class BodyRecord:
     def volumes(self) -> dict[str, float]:
         """Columns of volumes and their errors."""
         body, row = self.run.body, {}
-        volumes = body.volumes() if self.several else {self.scene.workpiece_name: body.workpiece.volume()}
+        volumes = body.volumes() if self.several else {self.scene.workpiece_name: body.free_surface.volume(body.x)}
         errors = self.run.volume_ledger.errors(volumes)
         for name, volume in volumes.items():
             row[f"volume_{name}_mm3"] = volume * self.copies(name=name)
