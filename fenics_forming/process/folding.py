@@ -67,6 +67,7 @@ class FoldFinder:
     def __init__(self, free: FreeSurface, cells: np.ndarray):
         self.free, self._comm = free, free.surface.comm
         self._numbers, self._owned = free.surface.numbering(len(free.nodes))
+        self._mine = np.flatnonzero(free.nodes & self._owned)
         self._cells = cells[free.nodes[cells].any(axis=1)]
 
     def find(self, x: np.ndarray) -> Folds:
@@ -92,7 +93,7 @@ class FoldFinder:
         weight = np.stack([np.bincount(sides.ravel(), np.repeat(size, sides.shape[1]), len(x)),
                            np.bincount(sides.ravel(), minlength=len(x))], axis=1)
         size, count = surface.summed(weight).T
-        mine = np.flatnonzero(self.free.nodes & self._owned)
+        mine = self._mine
         return _Points(self._numbers[mine], x[mine], normals[mine], size[mine] / count[mine])
 
     # ------------------------------------------------------------------ the three kinds
@@ -104,7 +105,7 @@ class FoldFinder:
         foreign = ~(self._numbers[self._cells[cell]] == points.numbers[point, None]).any(axis=1)
         cell, point = cell[foreign], point[foreign]
         inner = _straight_coordinates(p[cell, : self.free.surface.dim + 1], points.x[point])
-        close = (inner.min(axis=1, initial=0.0) > -0.5) & _in_boxes(p[cell], points.x[point])
+        close = (inner > np.maximum(_least_coordinates(p[cell]), -0.5)).all(axis=1)
         cell, point = cell[close], point[close]
         if not close.any():
             return point
@@ -127,12 +128,12 @@ class FoldFinder:
         return point[within & facing & (above > -ROUNDING) & (above < TOUCHING)]
 
     def _behind_mirrors(self, points: _Points) -> tuple[np.ndarray, np.ndarray]:
-        """Which points have met their image, and how deep: they are behind a mirror plane, or just before one that their
-        normal points to."""
+        """Which points of this rank have met their image, and how deep: they are behind a mirror plane, or just before one
+        that their normal points to."""
         found, depth = np.zeros(len(points.x), bool), np.zeros(len(points.x))
         for axis, value in self.free.mirrors.items():
             above = points.x[:, axis] - value
-            loose = ~np.isin(points.numbers, self._numbers[self.free.on_plane[axis]])
+            loose = ~self.free.on_plane[axis][self._mine]
             behind = loose & (above < -LEAST_DEPTH * points.sizes)
             before = loose & (np.abs(above) < TOUCHING / 2 * points.sizes) & (points.normals[:, axis] < FACING)
             found |= behind | before
@@ -195,14 +196,15 @@ def _near(points: np.ndarray, centres: np.ndarray, reach: np.ndarray) -> tuple[n
     return np.repeat(np.arange(len(centres)), counts), np.concatenate(found).astype(int)
 
 
-def _in_boxes(p: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Whether points (p, dim) lie in the box around the control points of the quadratic cells beside them, which holds all
-    of the cell, (p,)."""
-    dim = points.shape[1]
-    ends = np.array(EDGES[dim])
-    corners = p[:, : dim + 1]
-    control = np.concatenate([corners, 2 * p[:, dim + 1:] - 0.5 * (p[:, ends[:, 0]] + p[:, ends[:, 1]])], axis=1)
-    return ((points >= control.min(axis=1)) & (points <= control.max(axis=1))).all(axis=1)
+def _least_coordinates(p: np.ndarray) -> np.ndarray:
+    """Least barycentric coordinates, in the straight cells, that points of quadratic cells (p, 6 | 10, dim) can have,
+    (p, dim + 1): those of the control points, of which a cell is the weighted mean."""
+    dim = p.shape[2]
+    ends, at_corners = np.array(EDGES[dim]), np.eye(dim + 1)
+    middles = p[:, dim + 1:]
+    at_middles = _straight_coordinates(np.repeat(p[:, : dim + 1], len(ends), axis=0), middles.reshape(-1, dim))
+    control = 2 * at_middles.reshape(len(p), len(ends), dim + 1) - 0.5 * at_corners[ends].sum(axis=1)
+    return np.minimum(control.min(axis=1), 0.0)
 
 
 def _straight_coordinates(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
