@@ -37,7 +37,9 @@ def fill(outline: Outline, sizes, engine: str) -> tuple[np.ndarray, np.ndarray, 
     x, triangles, sides = one_pass(outline.points, outline.sides, outline.size)
     for _ in range(PASSES - 1):
         edges, length = edges_of(x, triangles)
-        wanted = np.asarray(sizes(x), dtype=float).copy()
+        wanted, inner = np.empty(len(x)), np.ones(len(x), dtype=bool)
+        inner[sides] = False
+        wanted[inner] = sizes(x[inner])
         wanted[sides[:, 0]] = outline.size[outline.sides[:, 0]]
         wanted = over_mesh(wanted, edges, length)
         ratio = length / wanted[edges].mean(axis=1)

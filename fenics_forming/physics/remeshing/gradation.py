@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..machine_code import compiled
+from ..nodes import keys
 
 GROWTH = 0.3              # of the size, per distance
 ENOUGH = 1e-3             # of a size: what another sweep would take off
@@ -42,6 +43,5 @@ def around_loop(size: np.ndarray, s: np.ndarray, length: float) -> np.ndarray:
 
 def edges_of(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges (e, 2) of triangles and their lengths (e,)."""
-    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
-    a, b = np.divmod(np.unique(ends[:, 0] * len(x) + ends[:, 1]), len(x))
+    a, b = np.divmod(np.unique(keys(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), len(x))), len(x))
     return np.stack([a, b], axis=1), np.linalg.norm(x[b] - x[a], axis=1)

@@ -103,9 +103,9 @@ def _engines(engine: str) -> list[str]:
 def _order_two(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray, outline: Outline, engine: str) -> Remeshed:
     """Triangles raised to order 2: mid-nodes half-way inside, those of the outline on its sides."""
     count = len(x)
-    edges = np.sort(triangles[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
-    key, first, mid = np.unique(keys(edges, count), return_index=True, return_inverse=True)
-    middle = 0.5 * x[edges[first]].sum(axis=1)
+    key, mid = np.unique(keys(triangles[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), count), return_inverse=True)
+    first, second = np.divmod(key, count)
+    middle = 0.5 * (x[first] + x[second])
     on_side = np.searchsorted(key, keys(sides, count))
     middle[on_side] = outline.middles
     cells = np.concatenate([triangles, count + mid.reshape(-1, 3)], axis=1)

@@ -153,23 +153,24 @@ def integral(body, values: np.ndarray, *, axisymmetric: bool = False) -> float:
 
 @cache
 def _points(dim):
-    """Quadrature of positive weights: barycentric coordinates (q, dim + 1) and weights (q,)."""
+    """Quadrature of positive weights (q,); there the quadratic shapes, (q, 6 | 10), and their derivatives along the edges
+    from the first vertex, (q, 6 | 10, dim)."""
     kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[dim]
     points, weights = basix.make_quadrature(kind, INTEGRAND_DEGREE)
-    return np.concatenate([1.0 - points.sum(axis=1, keepdims=True), points], axis=1), weights
+    inner = np.concatenate([1.0 - points.sum(axis=1, keepdims=True), points], axis=1)
+    slope = slopes(inner, dim)
+    return weights, quadratic_shapes(inner, dim), slope[..., 1:] - slope[..., :1]
 
 
 def _measure(body, axisymmetric):
     """Weights of the quadrature points in the body, (m, q), mm² or mm³."""
     dim = body.x.shape[1]
-    inner, weights = _points(dim)
+    weights, shapes, slope = _points(dim)
     x = body.x[body.cells]
-    slope = slopes(inner, dim)
-    slope = slope[..., 1:] - slope[..., :1]
     tangents = [[x[..., i] @ slope[..., k].T for k in range(dim)] for i in range(dim)]
     measure = weights * np.abs(_volumes(tangents))
     if axisymmetric:
-        measure *= 2 * np.pi * (x[:, :, 0] @ quadratic_shapes(inner, dim).T)
+        measure *= 2 * np.pi * (x[:, :, 0] @ shapes.T)
     return measure
 
 
@@ -184,6 +185,6 @@ def _volumes(tangents):
 
 def _at_points(body, values):
     """Values (n[, k]) at the quadrature points, (m, q, k)."""
-    shapes = quadratic_shapes(_points(body.x.shape[1])[0], body.x.shape[1])
+    _, shapes, _ = _points(body.x.shape[1])
     values = np.asarray(values, float).reshape(len(body.x), -1)
     return np.stack([column[body.cells] @ shapes.T for column in values.T], axis=2)

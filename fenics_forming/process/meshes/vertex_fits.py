@@ -154,7 +154,7 @@ def _fits(x, vertices, first, patches, made_of, fields):
     values, slopes, curvatures = fields.copy(), np.zeros((count, kinds, dim)), np.zeros((count, kinds, dim, dim))
     widest = (first[1:] - first[:-1]).max()
     polynomials, weights, rise = np.empty((widest, terms)), np.empty(widest), np.empty(widest)
-    cubic, flat, factors = np.empty((terms, terms)), np.empty((dim, dim)), np.empty(terms)
+    cubic, flat, factors, plane = np.empty((terms, terms)), np.empty((dim, dim)), np.empty(terms), np.empty(dim)
     for row in range(len(vertices)):
         node, patch = vertices[row], patches[first[row]:first[row + 1]]
         length = _polynomials(x, node, patch, made_of, polynomials, weights)
@@ -183,7 +183,8 @@ def _fits(x, vertices, first, patches, made_of, fields):
         for kind in range(kinds):
             for p in range(len(patch)):
                 rise[p] = fields[patch[p], kind] - fields[node, kind]
-            top = _fit(rise[:len(patch)], polynomials, weights, flat, cubic, ones, of_ones, left, factors)
+            top = _fit(rise[:len(patch)], polynomials, weights, flat, cubic, ones, of_ones, left, factors,
+                       plane)
             values[node, kind] += top
             for k in range(terms):
                 if k < dim:
@@ -195,9 +196,9 @@ def _fits(x, vertices, first, patches, made_of, fields):
 
 
 @compiled
-def _fit(rise, polynomials, weights, flat, cubic, ones, of_ones, left, factors):
+def _fit(rise, polynomials, weights, flat, cubic, ones, of_ones, left, factors, plane):
     """What is to be added to the value at a vertex, for the ``rise`` (patch,) of a field from there; its ``factors`` of the
-    monomials (terms,) are overwritten.
+    monomials (terms,) and of those of a ``plane`` (dim,) are overwritten.
 
     By how much the value at the vertex lies below that with which a polynomial fits the patch best is added where nothing
     in the patch is above (below) the vertex, up to a tenth of the height: a value there that was cut to the range of an
@@ -212,7 +213,8 @@ def _fit(rise, polynomials, weights, flat, cubic, ones, of_ones, left, factors):
     if lowest == highest:       # an even field, as a pressure away from the tools
         return 0.0
     # a plane first, and the rest on what it leaves: so linear fields are kept to round-off
-    plane, missing = np.zeros(dim), 0.0
+    missing = 0.0
+    plane[:] = 0.0
     for p in range(len(rise)):
         for i in range(dim):
             plane[i] += weights[p] * rise[p] * polynomials[p, i]
