@@ -12,7 +12,7 @@ from fenics_forming.physics.contact.triangulated import Triangulated
 from fenics_forming.physics.locating import Locator
 from fenics_forming.physics.refining import cell_sizes
 from fenics_forming.physics.remeshing import BodyArrays, remesh
-from fenics_forming.physics.sizes import AtNodes, AtPoints, body_sizes, graded, nodal_sizes
+from fenics_forming.physics.sizes import AtNodes, AtPoints, Remembered, body_sizes, graded, nodal_sizes
 from fenics_forming.physics.sizes.field import edges_of
 from fenics_forming.physics.sizes.thickness import thickness
 from fenics_forming.physics.tools import known_tools
@@ -465,3 +465,12 @@ def _dx(mesh):
     import ufl
 
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
+
+
+def test_sizes_remembered_at_some_points_are_the_same_everywhere():
+    rng = np.random.default_rng(5)
+    sizes = AtPoints(rng.uniform(0, 1, (7, 2)), 0.1, 0.2, 1.0)
+    points = rng.uniform(0, 1, (50, 2))
+    remembered = Remembered(sizes, points[:30])
+    assert np.array_equal(remembered(points), sizes(points))
+    assert np.array_equal(remembered(points[40:]), sizes(points[40:]))

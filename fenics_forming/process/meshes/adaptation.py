@@ -72,11 +72,12 @@ def gradient_sizes(body: BodyArrays, field: np.ndarray, strength: float) -> np.n
 
 def contact_edges(body: BodyArrays, labels: np.ndarray, rough: list[bool]) -> np.ndarray:
     """Points (k, 2) of a plane body where the contact with a tool with friction ends: the flow is singular there."""
-    if body.dim == 3:
-        return np.empty((0, 3))      # a line of points, which would take most of the elements
-    pressed = np.isin(labels, 1 + np.flatnonzero(rough))
-    ends = np.intersect1d(body.sides[pressed, :2], body.sides[labels == 0, :2])
-    return body.x[ends]
+    if body.dim == 3 or not any(rough):
+        return np.empty((0, body.dim))      # in space a line of points, which would take most of the elements
+    pressed, free = np.zeros((2, len(body.x)), dtype=bool)
+    pressed[body.sides[np.isin(labels, 1 + np.flatnonzero(rough)), :2]] = True
+    free[body.sides[labels == 0, :2]] = True
+    return body.x[pressed & free]
 
 
 def _range(values, weight):
