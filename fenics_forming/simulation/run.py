@@ -149,7 +149,7 @@ class Simulation:
 
     def _volume(self, body: FlowingBody) -> float | dict[str, float]:
         """Volume of the body, mm³ (mm² in plane strain), of several by name."""
-        return body.volumes() if self.scene.is_assembled else body.workpiece.volume()
+        return body.volumes() if self.scene.is_assembled else body.free_surface.volume(body.x)
 
     def _followed(self, group: str, at_start: dict[str, np.ndarray]) -> MaterialPoints | None:
         """Material points of a table of the scene; None where it names none."""
