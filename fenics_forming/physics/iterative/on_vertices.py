@@ -7,10 +7,9 @@ from time import process_time
 import numpy as np
 
 from ..contact.interfaces import Interfaces
-from ..machine_code import compiled
 from ..parallel import total
 from .everywhere import Everywhere
-from .products import product
+from .products import add_product_of_some, product
 from .sharing import Shared
 from .upper_half import BlockRows, UpperHalf
 
@@ -44,14 +43,22 @@ class OnVertices:
         at = np.minimum(np.searchsorted(near, own), max(len(near) - 1, 0))
         self._mine = np.flatnonzero(near[at] == own) if len(near) else np.empty(0, np.int64)
         self._place = at[self._mine]
+        if self._shared.comm.size == 1:
+            local = np.empty(len(near), np.uint32)
+            local[self._place] = self._mine
+            self._near, self._columns = local, local[self._matrix.columns]
 
     def add_product(self, x: np.ndarray, y: np.ndarray) -> None:
         """Add the product with velocities x (vertices, 3) to the owners' rows of y. Collective."""
         start, matrix = process_time(), self._matrix
-        near = _gathered(len(matrix.near), self._mine, self._place, x)
         if self._shared.comm.size > 1:
+            near = np.zeros((len(matrix.near), 3))
+            near[self._place] = x[self._mine]
             near = total(self._shared.comm, near)
-        _add_product(matrix.starts, matrix.columns, matrix.diagonal, matrix.upper, near, self._mine, self._place, y)
+            product(matrix.starts, matrix.columns, matrix.diagonal, matrix.upper, near, forces := np.empty_like(near))
+            y[self._mine] += forces[self._place]
+        else:
+            add_product_of_some(self._near, matrix.starts, self._columns, matrix.diagonal, matrix.upper, x, y)
         self._interfaces.book(process_time() - start)
 
     def add_diagonal(self, blocks: np.ndarray) -> None:
@@ -63,22 +70,3 @@ class OnVertices:
         start, K = process_time(), self._matrix
         groups.add_galerkin(matrix, K.near, K.starts, K.columns, K.diagonal, K.upper)
         self._interfaces.book(process_time() - start)
-
-
-@compiled
-def _gathered(count, mine, place, x):
-    """Values (vertices, 3) at the near vertices (count, 3), zero where they are not of this rank."""
-    near = np.zeros((count, 3))
-    for k in range(len(mine)):
-        for i in range(3):
-            near[place[k], i] = x[mine[k], i]
-    return near
-
-
-@compiled
-def _add_product(starts, columns, diagonal, upper, near, mine, place, y):
-    forces = np.empty_like(near)
-    product(starts, columns, diagonal, upper, near, forces)
-    for k in range(len(mine)):
-        for i in range(3):
-            y[mine[k], i] += forces[place[k], i]

@@ -8,26 +8,36 @@ from ..machine_code import compiled
 @compiled
 def product(starts, columns, diagonal, upper, x, y):
     """y = A x for blocks of 3 x 3: diagonal (n, 9), upper (m, 9) with ``columns`` (m,), row i from ``starts[i]`` on."""
-    count = len(starts) - 1
     y[:] = 0.0
-    for i in range(count):
-        x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
-        d = diagonal[i]
-        s0 = d[0] * x0 + d[1] * x1 + d[2] * x2
-        s1 = d[3] * x0 + d[4] * x1 + d[5] * x2
-        s2 = d[6] * x0 + d[7] * x1 + d[8] * x2
-        for k in range(starts[i], starts[i + 1]):
-            j, b = columns[k], upper[k]
-            z0, z1, z2 = x[j, 0], x[j, 1], x[j, 2]
-            s0 += b[0] * z0 + b[1] * z1 + b[2] * z2
-            s1 += b[3] * z0 + b[4] * z1 + b[5] * z2
-            s2 += b[6] * z0 + b[7] * z1 + b[8] * z2
-            y[j, 0] += b[0] * x0 + b[3] * x1 + b[6] * x2
-            y[j, 1] += b[1] * x0 + b[4] * x1 + b[7] * x2
-            y[j, 2] += b[2] * x0 + b[5] * x1 + b[8] * x2
-        y[i, 0] += s0
-        y[i, 1] += s1
-        y[i, 2] += s2
+    for i in range(len(starts) - 1):
+        _add_row(i, starts[i], starts[i + 1], columns, diagonal[i], upper, x, y)
+
+
+@compiled
+def add_product_of_some(rows, starts, columns, diagonal, upper, x, y):
+    """Add A x to y for a matrix A over some ``rows`` (n,) of them only, which its ``columns`` name too."""
+    for r in range(len(rows)):
+        _add_row(rows[r], starts[r], starts[r + 1], columns, diagonal[r], upper, x, y)
+
+
+@compiled
+def _add_row(i, begin, end, columns, d, upper, x, y):
+    x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
+    s0 = d[0] * x0 + d[1] * x1 + d[2] * x2
+    s1 = d[3] * x0 + d[4] * x1 + d[5] * x2
+    s2 = d[6] * x0 + d[7] * x1 + d[8] * x2
+    for k in range(begin, end):
+        j, b = columns[k], upper[k]
+        z0, z1, z2 = x[j, 0], x[j, 1], x[j, 2]
+        s0 += b[0] * z0 + b[1] * z1 + b[2] * z2
+        s1 += b[3] * z0 + b[4] * z1 + b[5] * z2
+        s2 += b[6] * z0 + b[7] * z1 + b[8] * z2
+        y[j, 0] += b[0] * x0 + b[3] * x1 + b[6] * x2
+        y[j, 1] += b[1] * x0 + b[4] * x1 + b[7] * x2
+        y[j, 2] += b[2] * x0 + b[5] * x1 + b[8] * x2
+    y[i, 0] += s0
+    y[i, 1] += s1
+    y[i, 2] += s2
 
 
 @compiled

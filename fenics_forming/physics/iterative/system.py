@@ -147,7 +147,7 @@ class IterativeSystem:
         missing[body.fixed_dofs] = body._values.x.array[body.fixed_dofs] - body.solution.x.array[body.fixed_dofs]
         v = missing[body.velocity_dofs]
         with b.localForm() as local:
-            forces = self.block.times(v, np.empty_like(v))
+            forces = self.block.own_times(v, np.empty_like(v))
             np.add.at(local.array_w, body.velocity_dofs.ravel(), forces.ravel())
             rows = body.pressure_dofs[self._vertex_nodes]
             np.add.at(local.array_w, rows, self.divergence.times(v))

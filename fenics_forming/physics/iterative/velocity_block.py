@@ -46,15 +46,21 @@ class VelocityBlock:
 
     # ------------------------------------------------------------------ products
     def times(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """y = A x with all rows and columns, x known to all copies; rows of copies are not added up yet."""
-        p = self.pattern
-        product(p.starts, p.columns, self.diagonal, self.upper, x, y)
+        """y = A x for x that is zero where the velocity is given, known to all copies; rows of copies are not added up yet,
+        and rows where the velocity is given mean nothing."""
+        self.own_times(x, y)
         for other in self.others:
             other.add_product(x, y)
         return y
 
+    def own_times(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The same without the further operators, for any x, with all rows."""
+        p = self.pattern
+        product(p.starts, p.columns, self.diagonal, self.upper, x, y)
+        return y
+
     def free_times(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """y = A x among the free velocities, for all copies; x is zero where the velocity is given."""
+        """y = A x among the free velocities, for all copies."""
         self.times(x, y)
         self.shared.add_for_all(y)
         y *= self.free
