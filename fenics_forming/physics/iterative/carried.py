@@ -36,7 +36,7 @@ class CarriedProducts:
             _product(self._starts, self._node, self._blocks, tangents, x, y)
 
     def add_diagonal(self, tangents: np.ndarray, blocks: np.ndarray) -> None:
-        """Add the blocks on the diagonal to ``blocks`` (all nodes, 9); rows and columns of given velocities mean nothing."""
+        """Add the blocks on the diagonal to ``blocks`` (all nodes, 9); those of given velocities mean nothing."""
         out = blocks.reshape(-1, 3, 3)
         if self._flat is not None:
             _flat_diagonal(self._starts, self._node, self._flat, tangents, out)
