@@ -178,11 +178,11 @@ class AppendedBorder(Border):
     def _factorised(self, system, b: PETSc.Vec, columns: sp.csr_matrix, corner: np.ndarray,
                     right: np.ndarray) -> np.ndarray:
         """Factorise the appended matrix, and solve; the motions (n,). Collective."""
-        bulk, comm = system.matrix.petsc, self.workpiece.nodes.comm
-        fits = self._matrix is not None and self._matrix.holds(bulk, columns, len(corner))
+        bulk, comm = system.matrix, self.workpiece.nodes.comm
+        fits = self._matrix is not None and self._matrix.fits(bulk, columns)
         if total(comm, float(not fits)) > 0:
             pattern = sp.hstack([self._pattern(tool) for tool in self.tools], format="csr")
-            self._matrix = AppendedMatrix(bulk, self._owned(pattern), comm)
+            self._matrix = AppendedMatrix(bulk, self._owned(pattern), comm, system.solver_of)
         self._matrix.fill(columns, corner)
         x = self.workpiece.increment.x
         found = self._matrix.solve(b, right, x.petsc_vec)
@@ -234,16 +234,16 @@ class AppendedMatrix:
 
     Parameters
     ----------
-    bulk : the matrix of the workpiece · pattern : (owned rows, n) entries that the columns may have
+    bulk : the matrix (``petsc``) of the workpiece, whose values it keeps in ``rows`` (None: somewhere else)
+    pattern : (owned rows, n) entries that the columns may have
+    solver_of : f(matrix, its rows, pattern) → its factorisation
     """
 
-    def __init__(self, bulk: PETSc.Mat, pattern: sp.csr_matrix, comm):
-        from .linear import DirectSolver
-
-        self._bulk, self._comm, self.count = bulk, comm, pattern.shape[1]
+    def __init__(self, bulk, pattern: sp.csr_matrix, comm, solver_of):
+        self._bulk, self._rows, self._comm, self.count = bulk.petsc, bulk.rows, comm, pattern.shape[1]
         self._is_last = comm.rank == comm.size - 1
-        first, size, n = bulk.getOwnershipRange()[0], bulk.getSize()[0], self.count
-        starts, across, _ = bulk.getValuesCSR()
+        first, size, n = self._bulk.getOwnershipRange()[0], self._bulk.getSize()[0], self.count
+        starts, across, _ = self._bulk.getValuesCSR()
         self._keys = _keys(pattern)
         behind = size + self._keys % n
         widths = np.diff(starts) + np.diff(pattern.indptr)
@@ -271,17 +271,21 @@ class AppendedMatrix:
         self.petsc = create((own, own), csr, comm=comm) if comm.size == 1 else \
             create(((own, None), (own, None)), csr=csr, comm=comm)
         self._right, self._found = self.petsc.createVecs()
-        self._solver = DirectSolver(self.petsc)
+        self._solver = solver_of(self.petsc, csr, pattern)
 
-    def holds(self, bulk: PETSc.Mat, columns: sp.csr_matrix, count: int) -> bool:
+    def fits(self, bulk, columns: sp.csr_matrix) -> bool:
         """Whether these blocks have a place in the pattern, as far as this rank knows."""
-        return self._bulk is bulk and self.count == count and bool(np.isin(_keys(columns), self._keys).all())
+        if self._bulk is not bulk.petsc or self.count != columns.shape[1]:
+            return False
+        keys = _keys(columns)
+        places = np.searchsorted(self._keys, keys)
+        return not len(keys) or places[-1] < len(self._keys) and bool((self._keys[places] == keys).all())
 
     def fill(self, columns: sp.csr_matrix, corner: np.ndarray) -> None:
         """Values of the blocks, that of the workpiece as it is now. Collective."""
         border = np.zeros(len(self._keys))
         border[np.searchsorted(self._keys, _keys(columns))] = columns.data
-        self._values[self._bulk_at] = self._bulk.getValuesCSR()[2]
+        self._values[self._bulk_at] = (self._rows or self._bulk.getValuesCSR())[2]
         self._values[self._border_at] = border
         parts = self._comm.gather(border, root=self._comm.size - 1)
         if self._is_last:

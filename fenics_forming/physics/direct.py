@@ -74,19 +74,20 @@ class DirectSystem:
         if self.changes is None:
             self.counts["solves"] += 1
             if self._solver is None:
-                self._solver = self._new_solver()
+                self._solver = self.solver_of(self.matrix.petsc, self.matrix.rows)
             self._solver.factorise()
         self.solve_also(b, x.petsc_vec)
         x.scatter_forward()
 
-    def _new_solver(self):
-        """By fronts where all of the matrix lies on one mesh in the plane, by MUMPS elsewhere."""
-        if not isinstance(self.matrix, PlaneMatrix):
-            return DirectSolver(self.matrix.petsc)
+    def solver_of(self, A: PETSc.Mat, rows, appended=None):
+        """Factorisation of the matrix, or of one with unknowns appended to it: by fronts where all of the workpiece lies on
+        one mesh in the plane, by MUMPS elsewhere. ``rows`` and ``appended`` as of a `FrontalSolver`."""
+        if self.matrix.rows is None:
+            return DirectSolver(A)
         from .frontal.solver import FrontalSolver
         nodes = self._body.nodes
-        centres = nodes.mesh.geometry.x[nodes.cells[:, :3], :2].mean(axis=1)
-        return FrontalSolver(self.matrix.petsc, self.matrix.rows, centres, self._body.element.dofs)
+        corners = nodes.mesh.geometry.x[nodes.cells[:, :3], :2]
+        return FrontalSolver(A, rows, corners, self._body.element.dofs, appended)
 
     def solve_bordered(self, b: PETSc.Vec, columns, corner, right, factorised):
         """Solve with unknown motions of tools, (n,), by the matrix that they are appended to: see ``AppendedBorder``."""

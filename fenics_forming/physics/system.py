@@ -14,6 +14,8 @@ class SystemMatrix:
     on several ranks PETSc collects the contributions of the neighbours.
     """
 
+    rows = None     # of a matrix of one body in the plane, see `PlaneMatrix`
+
     def __init__(self, form: fem.Form):
         self._form = form
         self._rows = fem.create_matrix(form) if form.mesh.comm.size == 1 else None
@@ -51,6 +53,8 @@ class CoupledMatrix:
     ----------
     petsc : the matrix; another one after :meth:`follow` has said so
     """
+
+    rows = None
 
     def __init__(self, bulk, interfaces):
         self._bulk, self._interfaces = bulk, interfaces

@@ -75,3 +75,44 @@ def test_no_solve_of_an_upsetting_needs_pivots(friction, monkeypatch):
     plane = scene.Tool(shape=scene.Plane(point=(0, 2), normal=(0, -1)), friction=friction,
                     drive=laws.SpeedDrive(velocity=(0, -1)))
     ff.simulate(upset.model_copy(update={"tools": {"upper": plane}, "stop": scene.Stop(stroke=1.0)}))
+
+
+def upset_between(dies: str, steps: int, **die) -> Simulation:
+    """A flat billet on its mid-plane under one die that deforms, or two side by side."""
+    steel = {"material": "steel", "mesh_size": {"contact": 1.5, "far": 8.0}, "held": {"z_high": ["r", "z"]},
+             "friction": {"law": "siebel", "factor": 0.6}, "drive": {"kind": "speed", "velocity": [0, -1]}, **die}
+    ends = {"one": [0, 40], "two": [0, 4, 40]}[dies]
+    return Simulation(ff.Scene.read({
+        "geometry": "axisymmetric",
+        "materials": {"metal": {"flow_stress": {"law": "swift", "K": 900.0, "prestrain": 0.01, "n": 0.2}},
+                      "steel": {"young": 210e3, "poisson": 0.3}},
+        "workpieces": {"billet": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [10, 5]}, "material": "metal",
+                                  "symmetry": ["z"], "mesh_size": 0.8}},
+        "tools": {f"die{k}": {"shape": {"kind": "rectangle", "from": [first, 5], "to": [last, 45]}, **steel}
+                  for k, (first, last) in enumerate(zip(ends, ends[1:], strict=False))},
+        "process": {"tool_deformation": "iterated"}, "steps": {"stroke": 0.2}, "stop": {"stroke": 0.2 * steps}}))
+
+
+@pytest.mark.parametrize("dies", ["one", "two"])
+def test_fronts_find_the_motions_of_elastic_dies_that_mumps_finds(dies, monkeypatch):
+    """Random forces on a billet and the dies' surfaces behind it, once the billet has begun to flow; no step needs pivots.
+    Each kind of unknown to 1e-8 of the greatest, as above."""
+    monkeypatch.setattr(FrontalSolver, "_factorise_with_pivots", lambda self: pytest.fail("not definite"))
+    simulation = upset_between(dies, steps=3)
+    simulation.run()
+    body = simulation.body
+    appended = body.solver.border._matrix
+    assert isinstance(appended._solver, FrontalSolver) and appended._solver.by_fronts
+    b, x = body.solver.b.copy(), body.solver.b.duplicate()
+    random = np.random.default_rng(6)
+    b.array[:], right = random.standard_normal(b.array.size), random.standard_normal(appended.count)
+    motions = appended.solve(b, right, x)
+    solver, whole, expected = DirectSolver(appended.petsc), *appended.petsc.createVecs()
+    whole.array[:] = np.concatenate([b.array, right])
+    solver.factorise()
+    solver.solve(whole, expected)
+    n = len(x.array)
+    velocities = body.workpiece.velocity_dofs.ravel()
+    for unknowns in (velocities, np.setdiff1d(np.arange(n), velocities), np.arange(n, n + len(motions))):
+        np.testing.assert_allclose(np.concatenate([x.array, motions])[unknowns], expected.array[unknowns], rtol=0,
+                                   atol=1e-8 * np.abs(expected.array[unknowns]).max())

@@ -1,9 +1,10 @@
 """Nested dissection of a plane mesh: in which order its unknowns are eliminated, and on which fronts.
 
-The cells are halved again and again across their longer side. An unknown belongs to the smallest part of this tree that
-holds all cells around it: what lies within a half is eliminated before what both halves share (A. George, SIAM J. Numer.
-Anal. 10, 1973, 345). The front of a part is the dense matrix of its own unknowns and of those of greater parts that its
-cells touch, its boundary (I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983, 302).
+The cells are halved again and again across the side with more of them in a row. An unknown belongs to the smallest part
+of this tree that holds all cells around it: what lies within a half is eliminated before what both halves share (A.
+George, SIAM J. Numer. Anal. 10, 1973, 345). The front of a part is the dense matrix of its own unknowns and of those of
+greater parts that its cells touch, its boundary (I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983, 302). Unknowns
+that are appended to those of the mesh, as motions of a die that deforms, meet each other all: they belong to the whole.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 CELLS = 8       # of the smallest parts, about
 
@@ -37,20 +39,27 @@ class Fronts:
     slots: np.ndarray
 
 
-def fronts_of(centres: np.ndarray, dofs: np.ndarray, velocities: int) -> Fronts:
+def fronts_of(corners: np.ndarray, dofs: np.ndarray, velocities: int, appended: sp.csr_matrix | None = None) -> Fronts:
     """Fronts of a mesh.
 
     Parameters
     ----------
-    centres (cells, 2) : of the cells · dofs (cells, k) : their unknowns, the first ``velocities`` of them velocities
+    corners (cells, 3, 2) : of the cells · dofs (cells, k) : their unknowns, the first ``velocities`` of them velocities
+    appended (unknowns, n) : which of these an unknown behind them meets; those count as velocities
     """
-    depth = max(0, int(np.ceil(np.log2(len(centres) / CELLS))))
-    leaf = _leaves(centres, depth)
+    depth = max(0, int(np.ceil(np.log2(len(corners) / CELLS))))
+    leaf = _leaves(corners, depth)
     count = int(dofs.max()) + 1
     lowest, highest = np.full(count, 2**depth), np.zeros(count, int)
     np.minimum.at(lowest, dofs, leaf[:, None])
     np.maximum.at(highest, dofs, leaf[:, None])
     part = (2**depth + lowest) >> np.frexp(lowest ^ highest)[1]       # numbered as a heap: 1, its halves 2 and 3, …
+    at, which = np.repeat(leaf + 2**depth, dofs.shape[1]), dofs.ravel()
+    if appended is not None:
+        met, motions = appended.nonzero()
+        at, which = np.concatenate([at, part[met]]), np.concatenate([which, count + motions])
+        part = np.concatenate([part, np.ones(appended.shape[1], int)])
+        count = len(part)
     walk = _depth_first(depth)
     is_pressure = np.zeros(count, bool)
     is_pressure[dofs[:, velocities:]] = True
@@ -60,7 +69,7 @@ def fronts_of(centres: np.ndarray, dofs: np.ndarray, velocities: int) -> Fronts:
     parts = 2 ** (depth + 1) - 1
     own = np.bincount(walk[part], minlength=parts)
     pressures = np.bincount(walk[part[is_pressure]], minlength=parts)
-    keys = _boundary(leaf + 2**depth, dofs, part, walk, rank)
+    keys = _boundary(at, which, part, walk, rank)
     starts = np.searchsorted(keys, np.arange(parts + 1) * count)
     heap = np.argsort(walk[1:]) + 1
     parents = np.where(heap > 1, walk[heap >> 1], -1)
@@ -69,16 +78,18 @@ def fronts_of(centres: np.ndarray, dofs: np.ndarray, velocities: int) -> Fronts:
                   2 * levels + heap % 2)
 
 
-def _leaves(centres: np.ndarray, depth: int) -> np.ndarray:
+def _leaves(corners: np.ndarray, depth: int) -> np.ndarray:
     """The smallest part of every cell, (cells,)."""
+    centres, widths = corners.mean(axis=1), np.ptp(corners, axis=1)
     group = np.zeros(len(centres), int)
     for level in range(depth):
         by_group = np.argsort(group, kind="stable")
         starts = np.searchsorted(group[by_group], np.arange(2**level))
         extent = np.maximum.reduceat(centres[by_group], starts) - np.minimum.reduceat(centres[by_group], starts)
-        along = np.take_along_axis(centres, extent.argmax(axis=1)[group][:, None], axis=1)[:, 0]
-        ordered = np.lexsort((along, group))
         size = np.diff(np.append(starts, len(group)))
+        in_a_row = extent * size[:, None] / np.add.reduceat(widths[by_group], starts)
+        along = np.take_along_axis(centres, in_a_row.argmax(axis=1)[group][:, None], axis=1)[:, 0]
+        ordered = np.lexsort((along, group))
         place = np.empty(len(group), int)
         place[ordered] = np.arange(len(group))
         group = 2 * group + (2 * (place - starts[group]) >= size[group])
@@ -96,15 +107,15 @@ def _depth_first(depth: int) -> np.ndarray:
     return walk
 
 
-def _boundary(part_of_cell: np.ndarray, dofs: np.ndarray, part: np.ndarray, walk: np.ndarray, rank: np.ndarray):
-    """Place of a front times the number of unknowns, plus the rank of an unknown of its boundary: rising, (all,)."""
-    at, which = np.repeat(part_of_cell, dofs.shape[1]), dofs.ravel()
+def _boundary(at: np.ndarray, which: np.ndarray, part: np.ndarray, walk: np.ndarray, rank: np.ndarray):
+    """Place of a front times the number of unknowns, plus the rank of an unknown of its boundary: rising, (all,); of
+    parts ``at`` in which something meets the unknowns ``which``."""
     found = []
     while True:
         beyond = at != part[which]
         at, which = at[beyond], which[beyond]
         if not len(at):
-            return np.sort(np.concatenate(found)) if found else np.zeros(0, int)
+            return np.unique(np.concatenate(found)) if found else np.zeros(0, int)
         keys = np.unique(walk[at] * len(part) + rank[which])
         found.append(keys)
         at = at >> 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..linear import DirectSolver
@@ -23,16 +24,17 @@ class FrontalSolver:
     Parameters
     ----------
     A : on one rank · rows : (starts, columns, values) of it, the values that A has at any time
-    centres (cells, 2) : of the cells · dofs (cells, 15) : their unknowns, velocities first
+    corners (cells, 3, 2) : of the cells · dofs (cells, 15) : their unknowns, velocities first
+    appended : which of these the unknowns behind them meet, (unknowns of cells, n), where there are any
 
     Attributes
     ----------
     by_fronts : whether the present factors are those of the fronts, not of MUMPS
     """
 
-    def __init__(self, A: PETSc.Mat, rows, centres: np.ndarray, dofs: np.ndarray):
+    def __init__(self, A: PETSc.Mat, rows, corners: np.ndarray, dofs: np.ndarray, appended: sp.csr_matrix | None = None):
         starts, columns, self._values = rows
-        fronts = fronts_of(centres, dofs, VELOCITIES)
+        fronts = fronts_of(corners, dofs, VELOCITIES, appended)
         self._A, self._residual = A, A.createVecLeft()
         self._order, self._boundary = fronts.order, fronts.boundary
         self._words = words()
