@@ -267,7 +267,7 @@ class Scene(Described):
         if name in ("workpieces", "steps", "stop"):
             return bool(values.get("workpieces")) or not _has_bodies(values.get("tools"))
         if name == "tools":
-            return not _is_without_flow(values.get("process"))
+            return not (_says(values.get("process"), "flow", False) or _says(values.get("process"), "inertia", True))
         return super()._requires(name, values)
 
     @model_validator(mode="before")
@@ -421,9 +421,12 @@ class Scene(Described):
     __str__ = __repr__
 
 
-def _is_without_flow(process):
-    """Whether the table of the process, as the user gives it, says that nothing is formed."""
-    return not process.flow if isinstance(process, Process) else isinstance(process, dict) and process.get("flow") is False
+def _says(process, key, value):
+    """Whether the table of the process, as the user gives it, has this value of a key: without a flow, and of bodies that
+    fly, tools may be left out."""
+    given = getattr(process, key) if isinstance(process, Process) else \
+        process.get(key) if isinstance(process, dict) else None
+    return given is value
 
 
 def _has_bodies(tools):

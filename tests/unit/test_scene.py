@@ -260,6 +260,20 @@ def test_the_first_travelling_tool_counts():
     assert billet(tools={"roll": roll}).counting_tool == "roll"
 
 
+def test_a_body_that_flies_needs_no_table_of_tools():
+    """Free fall (REFERENCES.md 8.2) has none; a body without inertia and tools stays where it is, which is refused."""
+    table = {"geometry": "plane_strain",
+             "materials": {"steel": {"flow_stress": {"law": "constant", "value": 100}, "density": "7850 kg/m^3"}},
+             "workpieces": {"block": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [2, 1]}, "material": "steel"}},
+             "process": {"inertia": True, "weight": True}, "steps": {"time": 0.01}, "stop": {"time": 0.1}}
+    falling = scene.Scene.read(table)
+    check(falling)
+    assert falling == scene.Scene.read(table | {"tools": {}}) == scene.Scene.read(tomllib.loads(falling.to_toml()))
+    for process in ({"inertia": False}, {}):
+        with pytest.raises(SceneError, match="tools"):
+            scene.Scene.read(table | {"process": process})
+
+
 def test_a_law_of_ones_own_goes_into_a_scene():
     class Mine(laws.FlowStress):
         law: str = "mine"

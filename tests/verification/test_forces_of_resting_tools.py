@@ -1,6 +1,7 @@
 """What presses a body that hardly accelerates is in balance, and so are the forces in the history of a run."""
 
 import numpy as np
+import pytest
 
 from fenics_forming import laws, simulate
 from fenics_forming.physics.rate_continuity import MOST_TIED, RateContinuity
@@ -73,3 +74,42 @@ def test_a_resting_die_feels_the_force_of_the_moving_one_in_a_frame_that_is_turn
         steps={"stroke": 0.4}, stop={"stroke": 1.6}))
     plate, ram = (results.history.column(f"force_{name}_N_per_mm") for name in ("plate", "ram"))
     np.testing.assert_allclose(plate, ram, rtol=5e-3, err_msg="the tolerance of forces in a solve is 2e-3")
+
+
+def test_a_wall_across_the_way_of_the_ram_feels_the_spring_opposite_in_a_frame_that_is_turned():
+    """A block between a wall at rest and one on a spring, both smooth: what one carries the other does."""
+    c, s = np.cos(np.deg2rad(35)), np.sin(np.deg2rad(35))
+    turned = lambda x, y: [c * x - s * y, s * x + c * y]  # noqa: E731
+    plane = lambda at, normal, **more: {  # noqa: E731
+        "shape": {"kind": "plane", "point": turned(*at), "normal": turned(*normal)}} | more
+    block = [turned(x, y) for x, y in ((0, 0), (10, 0), (10, 8), (0, 8))]
+    results = simulate(Scene(
+        geometry="plane_strain", materials={"lead": {"flow_stress": laws.Constant(value=100)}},
+        workpieces={"block": {"shape": {"kind": "polygon", "points": block}, "material": "lead", "mesh_size": 2}},
+        tools={"ram": plane((0, 8), (0, -1), drive={"kind": "speed", "velocity": turned(0, -1)}),
+               "bed": plane((0, 0), (0, 1)), "wall": plane((0, 0), (1, 0)),
+               "spring": plane((10, 0), (-1, 0), drive={"kind": "spring", "stiffness": "2 kN/mm^2",
+                                                        "direction": turned(-1, 0)})},
+        steps={"stroke": 0.2}, stop={"stroke": 0.4}))
+    wall, spring = (results.history.column(f"force_{name}_N_per_mm") for name in ("wall", "spring"))
+    assert spring[-1] > 1000
+    np.testing.assert_allclose(wall, spring, rtol=2e-3, err_msg="the solver's tolerance of forces")
+
+
+def test_stops_of_a_block_on_a_belt_take_the_friction_along_their_normals():
+    """The belt, which is the main tool, moves at 53 degrees to one stop and 37 to the other; its friction is m k over the
+    whole face, along its way (REFERENCES.md 7)."""
+    stop = lambda point, normal: {"shape": {"kind": "plane", "point": point, "normal": normal}}  # noqa: E731
+    results = simulate(Scene(
+        geometry="3d", materials={"lead": {"flow_stress": laws.Constant(value=200)}},
+        workpieces={"block": {"shape": {"kind": "box", "from": [0, 0, 0], "to": [20, 12, 8]}, "material": "lead",
+                              "mesh_size": 6}},
+        tools={"belt": stop([0, 0, 0], [0, 0, 1]) | {"drive": {"kind": "speed", "velocity": [30, 40, 0]},
+                                                     "friction": laws.Siebel(factor=0.15)},
+               "lid": stop([0, 0, 8], [0, 0, -1]) | {"drive": {"kind": "force", "force": "20 kN", "speed": 1,
+                                                               "direction": [0, 0, -1]}},
+               "x": stop([20, 0, 0], [-1, 0, 0]), "y": stop([0, 12, 0], [0, -1, 0])},
+        steps={"time": 0.004, "tool": "belt"}, stop={"time": 0.004}))
+    friction, row = 0.15 * 200 / np.sqrt(3) * 240, results.history.rows[-1]
+    # the solver's tolerance of forces
+    assert [row["force_x_N"], row["force_y_N"]] == pytest.approx([0.6 * friction, 0.8 * friction], rel=2e-3)

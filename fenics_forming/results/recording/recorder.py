@@ -18,12 +18,12 @@ from ..results import Results
 from ..untouched import untouched
 from .bodies import BodyRecord, in_words
 from .contact_forces import ContactForceWriter, remove_after
+from .directions import pushing_direction
 from .energy import MotionRecord
 from .equipment import equipment_columns
 from .fields import FieldWriter, start_frames
 
 MORE_EXACT = "smaller steps or a larger solver.penalty_factor"
-FACES = 0.7071      # cosine: a tool at rest faces the main tool where no axis at right angles to its way is nearer
 
 class Recorder:
     """Writes what a run leaves behind.
@@ -168,31 +168,9 @@ class Recorder:
 
     def _force(self, tool, share: float) -> float:
         """The same of a tool, with the share of it that acts on the body."""
-        direction = self._working_direction(tool)
+        direction = pushing_direction(self.scene, self.run.body.tools, tool, self.run.start_extents)
         force = share * self.run.body.contact.force(tool)
         return float(force @ direction) * self.bodies.copies(direction)
-
-    def _working_direction(self, tool) -> np.ndarray:
-        """Direction in which a tool pushes: along the way of its drive, or against it where that leads away from all of the
-        body; at rest, or only turning, towards the body as it was at the start, along the way of the main tool where it
-        faces that, else along an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a
-        resultant."""
-        drive = self.scene.tools[tool.name].drive
-        low, high = np.array(self.run.start_extents)
-        if drive is not None and drive.direction is not None:
-            way = np.asarray(drive.direction, float)
-            corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, len(low))
-            return -way if (tool.gap(corners)[1] @ way < -FACES).all() else way
-        normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
-        axis = int(np.argmax(np.abs(normal)))
-        main = self.scene.counting_tool and self.scene.tools[self.scene.counting_tool].drive.direction
-        if self.scene.geometry == "axisymmetric":
-            if axis == 0 and main is not None and main[1] != 0:       # beside the body: it holds back what is pushed
-                normal = -np.asarray(main, float)
-            axis = 1
-        elif main is not None and abs(facing := float(normal @ np.asarray(main, float))) > FACES:
-            return np.copysign(1.0, facing) * np.asarray(main, float)
-        return np.copysign(1.0, normal[axis]) * np.eye(len(low))[axis]
 
     def _frame(self, state) -> None:
         if state.step == self._last_frame:

@@ -1,0 +1,51 @@
+"""Along which direction the history counts the force of a tool."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FACES = 0.7071      # cosine: a tool at rest faces the main tool where no axis at right angles to its way is nearer
+DRAGS = 0.05        # cosine: a tool whose way lies in its surface, like that of a belt, drags and does not press
+
+
+def pushing_direction(scene, tools, tool, extents) -> np.ndarray:
+    """Unit vector (dim,) in which a tool pushes.
+
+    That is the way of its drive, or against it where that leads away from all of the body. At rest, or only turning, it
+    pushes towards the body as it was at the start: along the way of the main tool where it faces that, else across it.
+    Where the main tool drags, a flat tool pushes along its normal; any other one, and all where nothing else presses, along
+    an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant.
+
+    Parameters
+    ----------
+    scene : the process · tools : all tools of the run, with `name` and `gap(x)` → (distance (n,), normals (n, dim)) ·
+    tool : one of them · extents : lowest and highest place of the body at the start, 2 x (dim,) mm
+    """
+    low, high = np.array(extents)
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, len(low))
+    if (way := _way(scene, tool.name)) is not None:
+        return -way if (tool.gap(corners)[1] @ way < -FACES).all() else way
+    normal = tool.gap(np.array([0.5 * (low + high)]))[1][0]
+    axis = int(np.argmax(np.abs(normal)))
+    main = _way(scene, scene.counting_tool)
+    if scene.geometry == "axisymmetric":
+        if axis == 0 and main is not None and main[1] != 0:       # beside the body: it holds back what is pushed
+            normal = -main
+        axis = 1
+    elif main is not None:
+        counting = next(other for other in tools if other.name == scene.counting_tool)
+        if (np.abs(counting.gap(corners)[1] @ main) < DRAGS).all():
+            if np.ptp(tool.gap(corners)[1], axis=0).max() == 0:
+                return normal
+        elif abs(facing := float(normal @ main)) > FACES:
+            return np.copysign(1.0, facing) * main
+        else:
+            across = normal - facing * main
+            return across / np.linalg.norm(across)
+    return np.copysign(1.0, normal[axis]) * np.eye(len(low))[axis]
+
+
+def _way(scene, name) -> np.ndarray | None:
+    """Unit vector along which the drive of a tool goes; None without a drive that has one."""
+    drive = None if name is None else scene.tools[name].drive
+    return None if drive is None or drive.direction is None else np.asarray(drive.direction, float)
