@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 import fenics_forming as ff
 from fenics_forming import laws, scene
+from fenics_forming.physics.frontal.dissection import _leaves, _neighbours
 from fenics_forming.physics.frontal.solver import FrontalSolver
 from fenics_forming.physics.linear import DirectSolver
 from fenics_forming.simulation.run import Simulation
@@ -49,6 +51,23 @@ def test_fronts_find_what_mumps_finds(case, mesh):
     for unknowns in (body.velocity_dofs.ravel(), pressures):
         np.testing.assert_allclose(x.array[unknowns], expected[unknowns], rtol=0,
                                    atol=1e-8 * np.abs(expected[unknowns]).max())
+
+
+@pytest.mark.parametrize("count", [3, 9, 40, 2000])
+def test_parts_of_a_mesh_share_straight_lines(count):
+    """Triangles between random points: less than 0.85 of the shared sides of halves as their cells lie, whose common line
+    turns from side to side. Every part has cells, also where there are few of them."""
+    points = np.random.default_rng(2).random((count, 2)) * (3, 1)
+    cells = Delaunay(points).simplices
+    depth = max(0, int(np.ceil(np.log2(len(cells) / 8))))
+    pairs = np.sort(cells[:, [[1, 2], [2, 0], [0, 1]]], axis=2).reshape(-1, 2)
+    neighbours = _neighbours(np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1, 3))
+    shared = []
+    for known in (neighbours, np.full_like(neighbours, -1)):
+        leaf = _leaves(points[cells], known, depth)
+        assert set(leaf >> 1) == set(range(2**depth // 2)) or depth == 0
+        shared.append(np.count_nonzero((leaf[neighbours] != leaf[:, None])[neighbours >= 0]))
+    assert shared[0] <= shared[1] and (count < 2000 or shared[0] < 0.85 * shared[1])
 
 
 def test_a_matrix_that_is_not_definite_gets_pivots():

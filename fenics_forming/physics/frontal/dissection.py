@@ -44,11 +44,12 @@ def fronts_of(corners: np.ndarray, dofs: np.ndarray, velocities: int, appended: 
 
     Parameters
     ----------
-    corners (cells, 3, 2) : of the cells · dofs (cells, k) : their unknowns, the first ``velocities`` of them velocities
+    corners (cells, 3, 2) : of the cells · dofs (cells, k) : their unknowns, first two velocities of each corner,
+        then of each side, ``velocities`` in all, then pressures
     appended (unknowns, n) : which of these an unknown behind them meets; those count as velocities
     """
     depth = max(0, int(np.ceil(np.log2(len(corners) / CELLS))))
-    leaf = _leaves(corners, depth)
+    leaf = _leaves(corners, _neighbours(dofs[:, velocities - 6: velocities: 2]), depth)
     count = int(dofs.max()) + 1
     lowest, highest = np.full(count, 2**depth), np.zeros(count, int)
     np.minimum.at(lowest, dofs, leaf[:, None])
@@ -78,8 +79,22 @@ def fronts_of(corners: np.ndarray, dofs: np.ndarray, velocities: int, appended: 
                   2 * levels + heap % 2)
 
 
-def _leaves(corners: np.ndarray, depth: int) -> np.ndarray:
-    """The smallest part of every cell, (cells,)."""
+def _neighbours(sides: np.ndarray) -> np.ndarray:
+    """The cells across the sides (cells, 3), numbered alike in both cells; -1 where there is none."""
+    order = np.argsort(sides, axis=None, kind="stable")
+    shared = np.flatnonzero(np.diff(sides.ravel()[order]) == 0)
+    one, other = order[shared], order[shared + 1]
+    found = np.full(sides.size, -1)
+    found[one], found[other] = other // 3, one // 3
+    return found.reshape(-1, 3)
+
+
+def _leaves(corners: np.ndarray, neighbours: np.ndarray, depth: int) -> np.ndarray:
+    """The smallest part of every cell, (cells,).
+
+    A cell with more neighbours in the other half goes over to it, of one half after the other: a line along cells as they
+    lie, which turns from side to side, has half as many unknowns again as a straight one.
+    """
     centres, widths = corners.mean(axis=1), np.ptp(corners, axis=1)
     group = np.zeros(len(centres), int)
     for level in range(depth):
@@ -93,6 +108,12 @@ def _leaves(corners: np.ndarray, depth: int) -> np.ndarray:
         place = np.empty(len(group), int)
         place[ordered] = np.arange(len(group))
         group = 2 * group + (2 * (place - starts[group]) >= size[group])
+        for half in (0, 1):
+            beyond = np.where(neighbours < 0, -1, group[neighbours])
+            leans = (beyond == group[:, None] ^ 1).sum(axis=1) > (beyond == group[:, None]).sum(axis=1)
+            goes = leans & (group % 2 == half)
+            goes &= np.bincount(group[~goes], minlength=2 ** (level + 1))[group] > 0      # no part without cells
+            group = np.where(goes, group ^ 1, group)
     return group
 
 
