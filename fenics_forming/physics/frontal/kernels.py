@@ -20,6 +20,34 @@ DOUBLE = 8      # bytes
 
 
 @compiled
+def places(starts, columns, order, boundary, fronts, source, target, parts):
+    """Which entry of the symmetric matrix by rows (``starts``, ``columns``) goes where in the panels: fills ``source``,
+    ``target`` and ``parts`` of :func:`factorise`, and into ``fronts`` where the entries of each end."""
+    rank, place = np.empty(len(order), np.int64), np.empty(len(order), np.int64)
+    for k in range(len(order)):
+        rank[order[k]] = k
+    count = 0
+    for f in range(len(fronts)):
+        own, many, first, begin = fronts[f, 1], fronts[f, 2], fronts[f, 3], fronts[f, 5]
+        for k in range(own):
+            place[first + k] = k
+        for k in range(many):
+            place[boundary[begin + k]] = own + k
+        for child in fronts[f, 6:8]:
+            if child >= 0:
+                for k in range(fronts[child, 5], fronts[child, 5] + fronts[child, 2]):
+                    parts[k] = place[boundary[k]]
+        for k in range(own):
+            row = order[first + k]
+            for entry in range(starts[row], starts[row + 1]):
+                met = rank[columns[entry]]
+                if met >= first + k:
+                    source[count], target[count] = entry, k * (own + many) + place[met]
+                    count += 1
+        fronts[f, 9] = count
+
+
+@compiled
 def factorise(values, words, fronts, source, target, parts, panels, work):
     """Factors of the matrix of ``values`` into ``panels``; whether every front could be factorised.
 

@@ -39,8 +39,11 @@ class FrontalSolver:
         self._order, self._boundary = fronts.order, fronts.boundary
         self._words = words()
         self._fronts, room = _table(fronts)
-        self._parts = _parts(fronts)
-        self._source, self._target = _places(fronts, self._fronts, starts, columns)
+        lower = (len(columns) + len(fronts.order)) // 2         # entries, of a symmetric pattern
+        self._source, self._target = np.empty(lower, np.int32), np.empty(lower, np.int32)
+        self._parts = np.empty(len(fronts.boundary), np.int64)
+        kernels.places(starts, columns, fronts.order, fronts.boundary, self._fronts, self._source, self._target,
+                       self._parts)
         own, boundary = self._fronts[:, 1], self._fronts[:, 2]
         self._panels, self._work = np.empty(int(own @ (own + boundary))), np.empty(room)
         self._mumps: DirectSolver | None = None
@@ -95,34 +98,3 @@ def _table(fronts: Fronts) -> tuple[np.ndarray, int]:
     np.maximum.at(room, fronts.slots, boundary**2)
     table[:, 8] = (np.cumsum(room) - room)[fronts.slots]
     return table, int(room.sum())
-
-
-def _local(fronts: Fronts, front: np.ndarray, rank: np.ndarray) -> np.ndarray:
-    """Place of unknowns among those of a front, own ones first."""
-    count, first = len(fronts.order), fronts.first
-    own = rank - first[front]
-    of_boundary = np.repeat(np.arange(len(fronts.parents)), np.diff(fronts.starts))
-    found = np.searchsorted(of_boundary * count + fronts.boundary, front * count + rank)
-    many = first[front + 1] - first[front]
-    return np.where(own < many, own, many + found - fronts.starts[front])
-
-
-def _parts(fronts: Fronts) -> np.ndarray:
-    """Place of each unknown of a boundary in the front its own is a part of."""
-    front = np.repeat(fronts.parents, np.diff(fronts.starts))
-    return _local(fronts, front, fronts.boundary)
-
-
-def _places(fronts: Fronts, table: np.ndarray, starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which entry of the matrix goes where in the panels, front by front."""
-    count = len(fronts.order)
-    rank = np.empty(count, int)
-    rank[fronts.order] = np.arange(count)
-    rows, columns = rank[np.repeat(np.arange(count), np.diff(starts))], rank[columns]
-    source = np.flatnonzero(rows >= columns)
-    rows, columns = rows[source], columns[source]
-    front = np.repeat(np.arange(len(table)), np.diff(fronts.first))[columns]
-    target = (columns - fronts.first[front]) * (table[front, 1] + table[front, 2]) + _local(fronts, front, rows)
-    by_place = np.argsort(front * (target.max() + 1) + target)
-    table[:, 9] = np.cumsum(np.bincount(front, minlength=len(table)))
-    return source[by_place].astype(np.int32), target[by_place].astype(np.int32)
