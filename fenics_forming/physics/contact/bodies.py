@@ -83,7 +83,7 @@ class BodyContact:
         self.coefficient = self.dt = 1.0
         self._guessed = False       # whether the last response closed carriers on suspicion: they open without ado
         self.seconds = 0.0
-        self._numbers = _everywhere(nodes.comm, self._number(self._master))
+        self._numbers = everywhere(nodes.comm, self._number(self._master))
         self._surface_of_master: CapturingSurface | None = None
         self.carriers = Carriers(nodes.comm, self._number(self.points.corners), self.dim)
         self.carriers.group(self.points.corner_normals(nodes.x))
@@ -91,14 +91,14 @@ class BodyContact:
         self.state.groups = self.carriers.groups
         self.silence()
         self.G = self._K = self._inner = self._traces = None
-        of_sides = [_everywhere(nodes.comm, dofs[sides]) for sides in (self.points.sides, self._master)]
+        of_sides = [everywhere(nodes.comm, dofs[sides]) for sides in (self.points.sides, self._master)]
         every = np.concatenate(of_sides).reshape(-1, self.dim)
         self.unknowns = every[np.unique(every[:, 0], return_index=True)[1]]
         self._places, self._master_places = (
             np.searchsorted(self.unknowns[:, 0], numbers[..., 0]) for numbers in (dofs[self.points.sides], of_sides[1]))
         self.free = np.ones(self.unknowns.shape)
         if free is not None:
-            frees = [_everywhere(nodes.comm, free[sides].astype(float)) for sides in (self.points.sides, self._master)]
+            frees = [everywhere(nodes.comm, free[sides].astype(float)) for sides in (self.points.sides, self._master)]
             self.free[np.searchsorted(self.unknowns[:, 0], every[:, 0])] = np.concatenate(frees).reshape(-1, self.dim)
 
     def _sides(self, facets: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ class BodyContact:
         start = process_time()
         self.dt = dt
         at = self.points.trace(x)
-        master = _everywhere(self.nodes.comm, x[self._master])
+        master = everywhere(self.nodes.comm, x[self._master])
         if self._surface_of_master is None:
             self._surface_of_master = CapturingSurface(master, self._numbers)
         else:
@@ -282,7 +282,7 @@ class BodyContact:
     def softer(self, nodal: np.ndarray) -> np.ndarray:
         """A nodal field (nodes,) at the carriers, the less of the two bodies' values there, (carriers,). Collective."""
         points, found = self.points, self._found
-        across = _everywhere(self.nodes.comm, nodal[self._master])
+        across = everywhere(self.nodes.comm, nodal[self._master])
         sums = lesser_sums(nodal, points.sides, points.shape, self._share, self.carriers.own, across, found.facet,
                            found.shapes, self.carriers.total)
         return self._per_weight(total(self.nodes.comm, sums))
@@ -290,7 +290,7 @@ class BodyContact:
     def opposite(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A nodal field (nodes,) at the vertices of the sides that the points face, (points, dim), and the quadratic
         shapes of the nodes of these sides there. Collective."""
-        return _everywhere(self.nodes.comm, nodal[self._master[:, : self.dim]])[self._found.facet], self._found.shapes
+        return everywhere(self.nodes.comm, nodal[self._master[:, : self.dim]])[self._found.facet], self._found.shapes
 
     def mean(self, at_points: np.ndarray) -> np.ndarray:
         """Values at the points (points,) averaged over the hats of the carriers, (carriers,). Collective."""
@@ -392,6 +392,6 @@ def nodal_pressure(nodes: Nodes, contacts) -> np.ndarray:
     return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(len(sums)), where=sums[:, 1] > 0)
 
 
-def _everywhere(comm, values: np.ndarray) -> np.ndarray:
+def everywhere(comm, values: np.ndarray) -> np.ndarray:
     """The rows of all ranks, one after the other, on every rank. Collective."""
     return np.concatenate(comm.allgather(values)) if comm.size > 1 else values

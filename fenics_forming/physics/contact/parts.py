@@ -10,13 +10,12 @@ from petsc4py import PETSc
 
 from ..parallel import highest, lowest, total
 from . import point_law as law
-from .bodies import BodyContact
+from .bodies import BodyContact, everywhere
 from .holding import Hold, augmented, held_places, hold
 from .surface_turn import Turned, turned_with
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
-BENT = 0.05          # of the displacements of a surface that has turned: if more is not that of a rigid one, it is no frame
 SLIDE = 0.1          # of the smallest side: parts that have slid farther since they were paired meet other sides
 
 
@@ -36,7 +35,7 @@ class PartContactField(BodyContact):
     friction_work = interference_work = 0.0
     creep = 0.0         # see `holding.hold`
     paired: np.ndarray | None = None
-    _turned: tuple[np.ndarray, np.ndarray] | None = None        # rotations of slave and master where they are paired
+    _turned: tuple[np.ndarray, np.ndarray] | None = None        # rotations of the sides of slave and master, as paired
     _grouped_by: np.ndarray | None = None
     _interference: float | None = None      # declared
 
@@ -95,11 +94,6 @@ class PartContactField(BodyContact):
         slid = np.linalg.norm(way - normal[:, None] * self.state.normal, axis=1)[self.state.active]
         return highest(self.nodes.comm, float(slid.max(initial=0.0))) > SLIDE * self.smallest_side
 
-    def has_bent(self, displacement: np.ndarray) -> bool:
-        """Whether displacements (nodes, dim) turn a surface, but not as a rigid one, as a long belt that is stretched on a
-        drum: no frame balances its forces, and it keeps the sides that it meets. Collective."""
-        return max(turned.bent for turned in self._turns(displacement)) > BENT
-
     def _turns(self, displacement: np.ndarray) -> list[Turned]:
         """How displacements (nodes, dim) turn the surfaces of slave and master. Collective."""
         return [turned_with(self.nodes, sides, displacement) for sides in (self.points.sides, self._master)]
@@ -131,7 +125,7 @@ class PartContactField(BodyContact):
             own, other = self._turns(displacement)
             x = own.x
             x[self._master] = other.x[self._master]
-            self._turned = own.rotation, other.rotation
+            self._turned = own.rotation.repeat(self.points.per_side, axis=0), everywhere(self.nodes.comm, other.rotation)
         self.search(x, self.dt)
         self.paired, gap = displacement, self.state.gap
         relative = self._relative_then = np.zeros((len(self.weights), self.dim)) if displacement is None else \
@@ -148,12 +142,12 @@ class PartContactField(BodyContact):
         return self.points.surface(self.nodes.x)[0], self.points.surface(x)[1]
 
     def _find_frames(self) -> None:
-        """Each part in the frame that its surface has turned with: normals as the slave sees them."""
+        """Each part in the frames that its sides have turned with: normals as the slave sees them."""
         self._frames = None
         if self._turned is not None:
             own, other = self._turned
-            self._frames = np.broadcast_to(own.T @ other, (len(self._near), self.dim, self.dim))
-            self._found = replace(self._found, normal=self._found.normal @ own)
+            self._frames = own.swapaxes(1, 2) @ other[self._found.facet]
+            self._found = replace(self._found, normal=np.einsum("pj,pji->pi", self._found.normal, own))
 
     def _carry(self) -> None:
         """As at the start: elastic displacements make no edge sharp. Collective."""
