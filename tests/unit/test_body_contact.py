@@ -217,3 +217,15 @@ def test_two_ranks_find_the_same_force_and_shortening():
                              check=True).stdout
         found.append([float(w) for w in out.split("found")[1].split()])
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("count", [0, 7])
+def test_sides_turn_by_what_their_displacements_turn_them_whatever_stretches_them(count):
+    """Also on a rank without sides. Least squares: exact for a turning and a stretch of any size on top of one another."""
+    from fenics_forming.physics.contact.surface_turn import _own_spins
+
+    random = np.random.default_rng(0)
+    x, angles = random.normal(size=(count, 6, 3)), random.normal(size=(count, 3))
+    u = np.cross(angles[:, None], x) + random.normal(size=(count, 1, 3)) + 0.3 * (x - x.mean(axis=1, keepdims=True))
+    turns = np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
+    assert _own_spins(x, u, turns) == pytest.approx(angles, abs=1e-12)

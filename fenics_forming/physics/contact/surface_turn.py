@@ -65,8 +65,9 @@ def turned_with(nodes: Nodes, sides: np.ndarray, displacement: np.ndarray) -> Tu
 
 def _own_spins(x: np.ndarray, u: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """How far displacements u turn the sides themselves, nodes at x (sides, n, 3): radian about each axis, (sides, k)."""
-    modes = np.einsum("kij,fnj->fkni", turns, x - x.mean(axis=1, keepdims=True)).reshape(len(x), len(turns), -1)
-    return np.linalg.solve(modes @ modes.swapaxes(1, 2), modes @ u.reshape(len(x), -1, 1))[..., 0]
+    modes = np.einsum("kij,fnj->fkni", turns, x - x.mean(axis=1, keepdims=True))
+    both, right = np.einsum("fkni,flni->fkl", modes, modes), np.einsum("fkni,fni->fk", modes, u)
+    return np.linalg.solve(both, right[..., None])[..., 0]
 
 
 def _crosses(vectors: np.ndarray) -> np.ndarray:
