@@ -125,6 +125,7 @@ def test_bodies_press_on_one_another_as_the_platen_presses():
     results = run.run()
     force = results.history.column("force_upper_N_per_mm")
     np.testing.assert_allclose(results.history.column("contact_force_low_high_N_per_mm") / 2, force, rtol=1e-3)
+    np.testing.assert_allclose(results.history.column("resultant_low_high_y_N_per_mm"), -force, rtol=1e-3)
     assert run.body.interfaces.forces()[0][1] == pytest.approx(-force[-1] * (1 if run.body.interfaces.slaves["low-high"]
                                                                              == "low" else -1), rel=1e-3)
 

@@ -234,6 +234,7 @@ def test_shrink_fit_holds_until_the_push_is_the_friction_of_its_pressure(tmp_pat
     row = results.history.rows[-1]
     push = row["load_factor"] * 100 * np.pi * (40**2 - 20**2)
     assert push == pytest.approx(0.3 * row["contact_force_insert_ring_N"], rel=1e-3)
+    assert row["resultant_insert_ring_z_N"] == pytest.approx(push, rel=1e-6)
     energy = results.summary["ledger"]["energy"]["die"]
     assert energy["elastic_energy_mJ"] + energy["friction_work_mJ"] == pytest.approx(
         energy["external_work_mJ"] + energy["interference_work_mJ"], rel=1e-3)

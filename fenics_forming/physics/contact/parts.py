@@ -26,13 +26,14 @@ class PartContactField(BodyContact):
 
     Attributes
     ----------
-    coefficient : (carriers,) penalty, N/mm³
+    coefficient : (carriers,) penalty, N/mm³ · holder : name of the part of the slave
     paired : (nodes, dim) mm, displacement at which points and sides were paired, None as the mesh lies
     friction_work, interference_work : mJ of this rank, done since the start by friction (a loss), and by the normal
         tractions (what an interference gives to the parts)
     """
 
     friction_work = interference_work = 0.0
+    holder = ""
     creep = 0.0         # see `holding.hold`
     paired: np.ndarray | None = None
     _turned: tuple[np.ndarray, np.ndarray] | None = None        # rotations of the sides of slave and master, as paired

@@ -46,6 +46,7 @@ class PartContact:
     slave, master : (f,) owned exterior facets of this rank; the finer surface should be the slave
     interference : overlap that is declared, mm; points over the other part then start with it, whatever gap the mesh has.
         None: the gaps are those of the mesh
+    holder : name of the part of the slave
     element : "integration_point" or "node"
     friction : a law of ``laws.friction``. One that does not depend on the pressure (Siebel) needs parts that can yield;
         Coulomb's is limited by the shear yield stress where there is one
@@ -56,6 +57,7 @@ class PartContact:
     interference: float | None = None
     element: str = "integration_point"
     friction: Friction = NoFriction()
+    holder: str = ""
 
 
 class AssembledSolver(PlasticSolver):
@@ -95,6 +97,7 @@ class AssembledSolver(PlasticSolver):
         self._touching = self._fresh = True
         stiffness = self._stiffness()
         for contact, given in zip(self.contacts, contacts, strict=True):
+            contact.holder = given.holder
             contact.search(body.nodes.x, 1.0)
             contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
             contact.begin()

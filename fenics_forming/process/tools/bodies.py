@@ -167,7 +167,7 @@ def _part_contact(contact, nodes: Nodes, faces: ToolFaces) -> PartContact:
     master = next(part for part in contact.between if part != slave)
     interference = contact.interference if contact.says("interference") else None
     return PartContact(near[slave], free[master], interference=interference, element=contact.element,
-                       friction=contact.friction)
+                       friction=contact.friction, holder=slave)
 
 
 def _near(nodes: Nodes, own: np.ndarray, other: np.ndarray, faces: ToolFaces, contact) -> np.ndarray:

@@ -5,10 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.parallel import highest, lowest, total
-from ...scene import copies
+from ...scene import Contact, copies
 from .ledger import DamageLedger
 
 UNITS = {"temperature": "temperature_degC"}     # names of the history as results have them
+
+
+def resultant_columns(contact: Contact, slave: str, force: np.ndarray, along: dict[str, int], unit: str) -> dict[str, float]:
+    """Columns of the force of the second body of a contact on the first, along every axis on which it has a resultant.
+
+    force : (dim,) on the ``slave``, of the part that is modelled · along : axis → parts on which the same acts, in order
+    """
+    sign = 1.0 if contact.between[0] == slave else -1.0
+    return {f"resultant_{contact.name.replace('-', '_')}_{axis}_{unit}": sign * float(force[k]) * count
+            for k, (axis, count) in enumerate(along.items()) if axis != "r"}
 
 
 class BodyRecord:
@@ -55,11 +65,16 @@ class BodyRecord:
 
     def contact_forces(self, unit: str, share: float) -> dict[str, float]:
         """Columns of the forces that press bodies on one another: ``share`` of the sum of the pressure over their common
-        surface."""
+        surface, and of the resultant of all tractions there."""
         interfaces, row = self.run.body.interfaces, {}
-        for name, contact in zip(interfaces.names, interfaces.contacts, strict=True) if interfaces is not None else ():
+        if interfaces is None:
+            return row
+        along = {axis: self.copies(np.eye(self.scene.dimension)[k]) for k, axis in enumerate(self.scene.axes)}
+        given = {contact.name: contact for contact in self.scene.contacts}
+        for name, contact in interfaces.by_name.items():
             force = share * float(total(self.comm, contact.state.pressure @ contact.weights))
             row[f"contact_force_{name.replace('-', '_')}_{unit}"] = force * self.copies()
+            row |= resultant_columns(given[name], interfaces.slaves[name], share * contact.force(), along, unit)
         return row
 
     def temperature_of(self, point: str) -> float | None:

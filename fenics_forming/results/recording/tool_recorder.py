@@ -11,6 +11,7 @@ from ...physics.parallel import highest
 from ..files import on_rank_zero
 from ..history import History
 from ..results import Results, write_summary
+from .bodies import resultant_columns
 from .fields import FieldWriter
 from .recorder import peak_memory, versions
 from .tool_fields import contact_numbers, energies, imbalance, part_numbers, point_data, tracked
@@ -82,7 +83,10 @@ class ToolRecorder:
         row[f"max_displacement_{name}_mm"] = highest(comm, float(np.linalg.norm(field.displacement, axis=1).max(initial=0)))
         if field.body.yields:
             row[f"max_effective_strain_{name}"] = highest(comm, float(field.plastic_strain.max(initial=0.0)))
+        given = {contact.name: contact for contact in self.scene.contacts}
+        along = {axis: self._copies(name, number) for number, axis in enumerate(self.scene.axes)}
         for label, contact in self.run.contacts(name).items():
+            row |= resultant_columns(given[label], contact.holder, contact.force(), along, self.unit)
             numbers, label = contact_numbers(contact, comm), label.replace("-", "_")
             row[f"contact_force_{label}_{self.unit}"] = numbers["force"] * self._copies(name)
             row[f"contact_pressure_{label}_MPa"] = numbers["pressure"]
