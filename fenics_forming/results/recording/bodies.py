@@ -11,7 +11,7 @@ from .ledger import DamageLedger
 UNITS = {"temperature": "temperature_degC"}     # names of the history as results have them
 
 
-def resultant_columns(contact: Contact, slave: str, force: np.ndarray, along: dict[str, int], unit: str) -> dict[str, float]:
+def resultant_columns(contact: Contact, slave: str, force: np.ndarray, along: dict[str, int], unit: str) -> dict:
     """Columns of the force of the second body of a contact on the first, along every axis on which it has a resultant.
 
     force : (dim,) on the ``slave``, of the part that is modelled · along : axis → parts on which the same acts, in order
