@@ -60,6 +60,8 @@ class Body(Protocol):
 
     def place(self, time: float, slack: np.ndarray | float = 0.0) -> None: ...
 
+    def average(self) -> None: ...
+
     def velocity_gradient(self) -> np.ndarray: ...
 
     def frozen(self, values: np.ndarray): ...
@@ -245,6 +247,7 @@ class Trapezoid(Scheme):
         size = np.ptp(x0, axis=0).max()
         end, spent, solves, error = start, 0, 0, np.inf
         first = self.carried(body, start.velocity, dt, "start")
+        body.average()
         target = shifting.explicit(x0, first, dt)
         for k in range(self.passes):
             body.x[:] = target

@@ -48,6 +48,9 @@ class PrescribedFlow:
         if self._follow is not None:
             self._follow(self.x, time)
 
+    def average(self) -> None:
+        """Its tools go where they are told to."""
+
     def velocity_gradient(self) -> np.ndarray:
         return self.nodes.gradient(self._velocity)
 

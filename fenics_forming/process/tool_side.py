@@ -20,6 +20,12 @@ class ToolSide:
             if tool.free is not None:
                 tool.motion = tool.free.moved(tool.motion, time)
 
+    def average(self) -> None:
+        """The body moves by the mean of its velocities at both ends of the step that begins: tools that it moves as well."""
+        for tool in self.tools:
+            if tool.free is not None:
+                tool.free.average()
+
     def settle(self, time: float) -> None:
         """A step has ended at ``time``: what tools have moved by themselves is where their next motions start."""
         self.rams.arrive(self.tools, time)

@@ -145,6 +145,9 @@ class Given:
     def place(self, time, slack=0.0):
         pass
 
+    def average(self):
+        pass
+
     def velocity_gradient(self):
         return self._gradient(self.x)
 

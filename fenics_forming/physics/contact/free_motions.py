@@ -54,6 +54,7 @@ class FreeMotions:
         self.since, self.now, self.horizon, self.count = 0.0, 0.0, 1.0, count
         self.reaction: np.ndarray | None = None
         self.speed = 0.0
+        self._begun: np.ndarray | None = None      # rates at the start of the step, which count half of it
         self._start: tuple[float, np.ndarray, float] | None = None      # time, Q and speed of the last solve at a start
         self._goes_on = False           # whether Q goes on smoothly from there
         self._set_out: np.ndarray | None = None    # where the drive had the tool at ``since``
@@ -72,7 +73,14 @@ class FreeMotions:
 
     def at(self, time: float) -> np.ndarray:
         """Displacements with the present rates at a time, (n,); before ``since`` those of then."""
-        return self.displacement + max(time - self.since, 0.0) * self.rate
+        rate = self.rate if self._begun is None else 0.5 * (self._begun + self.rate)
+        return self.displacement + max(time - self.since, 0.0) * rate
+
+    def average(self) -> None:
+        """In this step the body moves by the mean of its velocities at both ends: so does what neither stiffness nor mass
+        ties to the end of the step, whose rates are those of an instant."""
+        if not self.stiffness.any() and not self.mass.any():
+            self._begun = self.rate.copy()
 
     def settle(self, time: float) -> None:
         """What the rates have made of the state at ``time`` is what the next solves start from."""
@@ -80,7 +88,7 @@ class FreeMotions:
         with_mass = self.mass > 0
         self.velocity = np.where(with_mass, self.velocity + 2 * (time - self.since) / self.horizon *
                                  (self.rate - self.velocity), self.rate)
-        self.since, self.reaction, self._set_out = time, None, None
+        self.since, self.reaction, self._set_out, self._begun = time, None, None, None
 
     def prepare(self, horizon: float) -> None:
         """Resistance and load of a solve whose rates hold for ``horizon``, s, from the settled state on."""
@@ -178,7 +186,7 @@ class FreeMotions:
 
     def remember(self, memory) -> None:
         """Take over what :meth:`memory` gave."""
-        self.given, self._set_out = bool(memory["given"]), None
+        self.given, self._set_out, self._begun = bool(memory["given"]), None, None
         for name in ("displacement", "velocity", "rate", "force", "earlier", "pace"):
             setattr(self, name, np.array(memory[name], float))
         self.since, self.now, self.horizon = (float(memory[name]) for name in ("since", "now", "horizon"))
