@@ -39,6 +39,12 @@ class Stops:
         gradual = any(d.dead_centre_time is not None and time in d.turning_times for d in self.drives)
         return time - GRADUAL * dt if gradual else np.nextafter(time, -np.inf)
 
+    def _all_spent(self, time: float) -> bool:
+        """Whether the last blow is over and no other tool travels any more. A frame that was stretched in it goes on
+        pressing on the body, against which it is in balance."""
+        return self.drive is not None and self.drive.spends_energy and self.drive.is_spent and not any(
+            np.isfinite(d.time_of_travel(d.travel(time) + 1.0, time)) for d in self.drives)
+
     def step_choice(self) -> StepChoice:
         """How long steps are: what the scene asks for, and the times that must be hit."""
         scene, drive = self.scene, self.drive
@@ -88,6 +94,8 @@ class Stops:
             return f"height {stop.height:g} mm reached"
         end = stop.time or (np.inf if stop.stroke is None else drive.time_of_travel(stop.stroke, state.time))
         if end == np.inf and state.time >= max(self.turns, default=0.0):
+            if self._all_spent(state.time):
+                return "energy spent: the stop was not reached"
             body.move_tools(state.time)
             body.search(state.dt)
             if body.time_to_contact(np.inf) == np.inf and not body.is_pushed(state.dt):

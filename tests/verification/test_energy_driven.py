@@ -252,3 +252,22 @@ def test_one_solve_a_step_keeps_the_volume_under_a_ram_that_stops():
                                        process={"shifting": "etd2", "volume_constancy": False}))
         lost[step] = np.abs(results.history.column("volume_error_billet")).max()
     assert lost[1.0] < 4e-3 and lost[0.5] < 0.4 * lost[1.0], lost
+
+
+@pytest.mark.parametrize("lift", ["2 mm", "0 mm"])
+def test_strokes_of_a_screw_press_end_though_the_ram_never_goes_as_far_as_it_should(lift):
+    """Two strokes on a frame that yields, and a stop by a stroke that their energy does not reach: a frame that was let go
+    in between has to be stretched anew, one that was not gives back what it holds."""
+    frame, first, second = 1e5, 100e3, 250e3
+    drive = {"kind": "screw_press", "direction": [0, -1], "speed": 500, "energy": [first, second], "stiffness": frame,
+             "lift": lift}
+    results = ff.simulate(cylinder(drive, stress={"law": "linear", "initial": 100, "hardening": 50}, stop={"stroke": 19}))
+    assert results.summary["stopped"] == "energy spent: the stop was not reached"
+    heights = np.linspace(8, 20, 240001)[::-1]
+    strain = np.log(20 / heights)
+    held = ((100 + 50 * strain) * VOLUME / heights) ** 2 / (2 * frame)
+    taken = VOLUME * (100 * strain + 25 * strain**2)
+    between = np.interp(first, taken + held, heights)
+    kept = np.interp(-between, -heights, held) if lift == "0 mm" else 0.0
+    energy = np.interp(-between, -heights, taken) + kept + second
+    assert height(results) == pytest.approx(np.interp(energy, taken + held, heights), rel=5e-3)
