@@ -21,7 +21,7 @@ class ToolSide:
                 tool.motion = tool.free.moved(tool.motion, time)
 
     def average(self) -> None:
-        """In the step that begins the body moves by the mean of its velocities at both ends: tools that it moves as well."""
+        """In a step that begins the body moves by the mean of its velocities at both ends: tools that it moves as well."""
         for tool in self.tools:
             if tool.free is not None:
                 tool.free.average()
