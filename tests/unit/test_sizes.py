@@ -12,9 +12,10 @@ from fenics_forming.physics.contact.triangulated import Triangulated
 from fenics_forming.physics.locating import Locator
 from fenics_forming.physics.refining import cell_sizes
 from fenics_forming.physics.remeshing import BodyArrays, remesh
-from fenics_forming.physics.sizes import AtNodes, AtPoints, Remembered, body_sizes, graded, nodal_sizes
+from fenics_forming.physics.sizes import AtNodes, AtPoints, Remembered, Sizes, body_sizes, graded, nodal_sizes
 from fenics_forming.physics.sizes.field import edges_of
 from fenics_forming.physics.sizes.thickness import thickness
+from fenics_forming.physics.sizes.wanted import thickness_sizes
 from fenics_forming.physics.tools import known_tools
 from fenics_forming.process.meshes.adaptation import EDGE_SIZE, FINEST, SHARE, adapted_sizes, contact_edges, gradient_sizes
 
@@ -321,6 +322,30 @@ def test_thin_plate_in_space_has_its_elements():
     plate = scene.Box(from_=(0, 0, 0), to=(10, 10, 1))
     body = first_body(scene_of(plate, mesh_size=2.0, remesh=True))
     assert sides_at(body, lambda x: x[:, 0] > 0) == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize("symmetry", [(), ("z",), ("y", "z")])
+def test_rim_of_a_lip_in_space_is_no_thin_section(symmetry):
+    """A wedge of 51 degrees that ends in a rim of 0.2 mm: the way around its rim is nowhere three times as long as the one
+    across, with its upper half alone neither. A plate of that thickness asks for half of it, beside mirror planes as well;
+    only within its thickness of its own rim the way is no longer."""
+    low = {axis: 0.0 if axis in symmetry else -2.0 for axis in "yz"}
+    block = scene.Box(from_=(0, low["y"], low["z"]), to=(4, 2, 2))
+    described = scene_of(block, mesh_size=1.0, remesh=True, symmetry=symmetry)
+    body, mirrors = first_body(described), {"xyz".index(axis): 0.0 for axis in symmetry}
+    sizes = Sizes(base=2.0, least=0.01, growth=0.2)
+
+    def wanted(height):
+        x = body.x * [1.0, 1.0, 0.0] + (body.x[:, 2] * height)[:, None] * [0.0, 0.0, 1.0]
+        return x, thickness_sizes(BodyArrays(x, body.cells), mirrors, sizes)
+
+    x, wedge = wanted(1.0 - 0.2375 * body.x[:, 0])
+    assert np.isinf(wedge[x[:, 0] > 2.5]).all()
+    x, plate = wanted(np.full(len(body.x), 0.05))
+    thin = (x[:, 0] > 0.5) & (x[:, 0] < 3.5) & (x[:, 1] < 1.5) & np.isfinite(plate)
+    assert thin.sum() > 20 and plate[thin] == pytest.approx(0.1 / 1.5 if "z" in symmetry else 0.1)
+    if "y" in symmetry:
+        assert np.isfinite(plate[(x[:, 1] < 1e-9) & (x[:, 2] > 0.09) & (x[:, 0] > 0.5) & (x[:, 0] < 3.5)]).any()
 
 
 @pytest.mark.parametrize(("shape", "exact"), [(scene.Rectangle(from_=(0, 0), to=(9, 2)), 2.0),

@@ -13,7 +13,7 @@ from .tools import corner_source, rounding_sources
 GROWTH = 0.2
 LEAST = 0.05            # of the mesh size, where the scene gives no min_size
 LAYERS = {2: 3.0, 3: 2.0}               # elements across a thin section
-AROUND = 3.0            # the way around the end of a thin section of the plane is longer than the one across by this factor
+AROUND = 3.0            # the way around the end of a thin section is longer than the one across by this factor
 LAYERS_TO_MIRROR = {2: 2.0, 3: 1.5}     # across the half of one that is cut by a mirror plane
 
 
@@ -42,15 +42,20 @@ def body_sizes(scene, tools, body: BodyArrays, mirrors: dict[int, float], mesh_s
 def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -> np.ndarray:
     """Sizes at the nodes, (n,), that put some elements across thin sections; inf where nothing is asked for.
 
-    In the plane a section is thin where the way around its end is more than three times as long as the one across.
+    A section is thin where the way around its end is more than three times as long as the one across.
     h = t / 3 (t / 2 in space) at both ends of a section of thickness t, t / 2 (t / 1.5) for half of one at a mirror plane.
     """
     vertices = body.sides[:, : body.dim]
     mirror = on_mirror(body, mirrors)
     across, met = thickness(body.x, vertices, LAYERS[body.dim] * sizes.base)
-    if body.dim == 2:      # the two walls of a lip or of a notch next to each other bound no section
+    # the two walls of a lip or of a notch next to each other bound no section
+    if body.dim == 2:
         lengths = np.linalg.norm(body.x[vertices[:, 1]] - body.x[vertices[:, 0]], axis=1)
         across[ways_around(vertices, lengths, met) < AROUND * across] = np.inf
+    elif (met >= 0).any():
+        from .around import is_around_the_end       # compiled where a section is thin
+        looked = np.where(mirror, -1, met)
+        across[is_around_the_end(body.x, vertices, mirror_axes(body, mirrors), looked, AROUND * across)] = np.inf
     wanted = np.maximum(across / np.where(mirror[met], LAYERS_TO_MIRROR[body.dim], LAYERS[body.dim]), sizes.least)
     wanted[mirror] = np.inf
     nodal = np.full(len(body.x), np.inf)
@@ -78,11 +83,16 @@ def nodal_sizes(sizes: Sizes, body: BodyArrays, mirrors: dict[int, float], *, th
 
 def on_mirror(body: BodyArrays, mirrors: dict[int, float]) -> np.ndarray:
     """Whether boundary sides lie on a mirror plane, (f,)."""
+    return mirror_axes(body, mirrors) >= 0
+
+
+def mirror_axes(body: BodyArrays, mirrors: dict[int, float]) -> np.ndarray:
+    """Axis of the mirror plane on which each boundary side lies, -1 for none, (f,)."""
     corners = body.x[body.sides[:, : body.dim]]
     tolerance = 1e-8 * np.ptp(body.x, axis=0).max()
-    found = np.zeros(len(corners), dtype=bool)
+    found = np.full(len(corners), -1)
     for axis, value in mirrors.items():
-        found |= (np.abs(corners[:, :, axis] - value) < tolerance).all(axis=1)
+        found[(np.abs(corners[:, :, axis] - value) < tolerance).all(axis=1)] = axis
     return found
 
 
