@@ -343,7 +343,7 @@ def test_rim_of_a_lip_in_space_is_no_thin_section(symmetry):
     assert np.isinf(wedge[x[:, 0] > 2.5]).all()
     x, plate = wanted(np.full(len(body.x), 0.05))
     thin = (x[:, 0] > 0.5) & (x[:, 0] < 3.5) & (x[:, 1] < 1.5) & np.isfinite(plate)
-    assert thin.sum() > 20 and plate[thin] == pytest.approx(0.1 / 1.5 if "z" in symmetry else 0.1)
+    assert thin.sum() > 10 and plate[thin] == pytest.approx(0.1 / 1.5 if "z" in symmetry else 0.1)
     if "y" in symmetry:
         assert np.isfinite(plate[(x[:, 1] < 1e-9) & (x[:, 2] > 0.09) & (x[:, 0] > 0.5) & (x[:, 0] < 3.5)]).any()
 

@@ -49,13 +49,15 @@ def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -
     mirror = on_mirror(body, mirrors)
     across, met = thickness(body.x, vertices, LAYERS[body.dim] * sizes.base)
     # the two walls of a lip or of a notch next to each other bound no section
+    lengths = np.linalg.norm(body.x[vertices[:, 1]] - body.x[vertices[:, 0]], axis=1)
     if body.dim == 2:
-        lengths = np.linalg.norm(body.x[vertices[:, 1]] - body.x[vertices[:, 0]], axis=1)
         across[ways_around(vertices, lengths, met) < AROUND * across] = np.inf
     elif (met >= 0).any():
-        from .around import is_around_the_end       # compiled where a section is thin
-        looked = np.where(mirror, -1, met)
-        across[is_around_the_end(body.x, vertices, mirror_axes(body, mirrors), looked, AROUND * across)] = np.inf
+        from .around import is_around_the_end  # compiled where a section is thin
+
+        # a way over vertices is too long, by a side at most where sides are longer than the section is thick
+        axes = mirror_axes(body, mirrors)
+        across[is_around_the_end(body.x, vertices, axes, np.where(mirror, -1, met), AROUND * across + lengths)] = np.inf
     wanted = np.maximum(across / np.where(mirror[met], LAYERS_TO_MIRROR[body.dim], LAYERS[body.dim]), sizes.least)
     wanted[mirror] = np.inf
     nodal = np.full(len(body.x), np.inf)
