@@ -11,6 +11,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
+from .line_search import LineSearch
 from .linear_choice import linear_system
 from .node_kernels import greatest, sums_of_squares
 from .parallel import highest, total
@@ -55,6 +56,7 @@ class FlowSolver:
         self.system = linear_system(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self.border = _border(workpiece)
+        self._search = LineSearch(workpiece, self._residual_power) if LineSearch.fits(workpiece) else None
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
@@ -132,6 +134,8 @@ class FlowSolver:
             lifting = False
             share = 0.5 if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0 else 1.0
             self._linear_solve(settle=share == 1.0 and not (cold and iteration == 1))
+            if self._search is not None and self.border is None and not (cold and iteration == 1):
+                share = min(share, self._search.share())
             if share < 1.0:
                 body.increment.x.array[:] *= share
             if self.border is not None:
@@ -286,17 +290,22 @@ class FlowSolver:
         """Power that the residual does on the present velocities, relative to the plastic power."""
         start = perf_counter()
         body = self.workpiece
-        self._assemble_residual()
-        self.b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        owned = body.fixed_dofs[body.fixed_dofs < body.owned]
-        self.b.array[owned] = 0.0
-        power = abs(self.b.dot(body.solution.x.petsc_vec))
+        power = abs(self._residual_power(body.solution.x.petsc_vec))
         if self.border is not None:
             power += self.border.power()
         # a body that is only pushed along has no plastic power; then a fraction of what flowing would take is the scale
         scale = body.plastic_power() + 1e-3 * self.usual_power
         self.seconds["assembly"] += perf_counter() - start
         return power / scale
+
+    def _residual_power(self, velocity: PETSc.Vec) -> float:
+        """Power that the residual of the present velocities, put into ``b``, does on others, mW. Collective."""
+        body = self.workpiece
+        self._assemble_residual()
+        self.b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        owned = body.fixed_dofs[body.fixed_dofs < body.owned]
+        self.b.array[owned] = 0.0
+        return self.b.dot(velocity)
 
     def _size_of(self, force: np.ndarray) -> float:
         """The greatest of the forces, N; where nothing opposes the body, a thousandth of what makes it flow."""

@@ -10,6 +10,10 @@ import numpy as np
 # the square root of that in time.
 NEAR = 1e-6
 
+# Of the wanted step: landing points make it no shorter. Where a surface runs into a tool without end, as a strip into
+# rolls, some point lands in every step however short, and takes no less of the power of a shorter one.
+LANDING = 0.1
+
 
 @dataclass(frozen=True)
 class Adaptivity:
@@ -119,6 +123,7 @@ class StepChoice:
         if factors:
             self._reason = min(factors, key=factors.get)
             factor = np.clip(factors[self._reason], 0.3, 1.5)
-            self._fraction = float(np.clip(self._fraction * factor, self.min_fraction, 1.0))
+            least = self.min_fraction if self._reason == "error" else max(self.min_fraction, min(LANDING, self._fraction))
+            self._fraction = float(np.clip(self._fraction * factor, least, 1.0))
         else:
             self._fraction = min(1.0, 2.0 * self._fraction)

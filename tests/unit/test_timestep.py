@@ -8,7 +8,7 @@ import pytest
 from fenics_forming import laws, scene
 from fenics_forming.errors import ConvergenceError
 from fenics_forming.process.body import FlowingBody
-from fenics_forming.process.timestep import Adaptivity, StepChoice
+from fenics_forming.process.timestep import LANDING, Adaptivity, StepChoice
 from fenics_forming.results.progress import Silent
 from fenics_forming.simulation import simulate
 
@@ -206,6 +206,9 @@ def test_landing_points_shorten_the_next_step_in_proportion_to_the_power_they_ta
     choice.succeeded(np.inf, 10.0, landing=0.02)
     shorter = choice.next(0.0)
     assert shorter.dt == pytest.approx(0.45) and shorter.reason == "contact"      # 0.9 · 0.01 / 0.02
+    for _ in range(20):
+        choice.succeeded(np.inf, 10.0, landing=0.5)
+    assert choice.next(0.0).dt == pytest.approx(LANDING)                          # a strip runs into rolls without end
     equal = StepChoice(lambda t: 1.0)
     equal.succeeded(np.inf, 10.0, landing=0.5)
     assert equal.next(0.0).dt == 1.0                                              # equal steps stay equal

@@ -323,13 +323,16 @@ class RigidContact:
 
     def limit(self, tool: KnownTool) -> np.ndarray:
         """Friction limit of a tool at the points (points,), N/mm², for the flow stress of the last :meth:`respond`."""
+        return self.limit_under(tool, tool.state.pressure, tool.state.grip)
+
+    def limit_under(self, tool: KnownTool, pressure: np.ndarray, grip: np.ndarray) -> np.ndarray:
+        """The same under another pressure (points,), MPa, where the shares ``grip`` (points,) of it rub."""
         flow_stress = self._flow_stress
         if tool.sticks:
             # sticking is a bound that the material never reaches, since it yields at k; it keeps landing points calm
             return 2 / np.sqrt(3) * flow_stress
-        pressure = tool.state.pressure
         if tool.friction.depends_on_pressure:
-            pressure = self._nodal_mean(pressure, tool.state.grip)
+            pressure = self._nodal_mean(pressure, grip)
         return tool.friction.limit(pressure, flow_stress)
 
     def _nodal_mean(self, pressure: np.ndarray, grip: np.ndarray) -> np.ndarray:
