@@ -29,6 +29,7 @@ class FlowSolution:
 
 
 CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
+HELD_FROM = 12                  # iterations; from then on friction keeps to the points that were closed
 NEXT_TO_NONE = 1e-3             # of the force that makes a body flow
 UNBALANCED = 5.0                # of the force tolerance: what the forces on a body may differ by
 
@@ -234,9 +235,11 @@ class FlowSolver:
     def _respond(self, ratio: float, iteration: int) -> np.ndarray:
         """Contact tractions at the present velocities; the resultant forces, (tools and pairs of bodies, k)."""
         body, settings = self.workpiece, self.settings
+        grip = "new" if iteration == HELD_FROM or iteration == 1 and self.border is not None else \
+            "follows" if iteration < HELD_FROM else "held"
         start = perf_counter()          # the integrands of contact at its points, as those of the body: assembly
         for part in body.contacts:
-            part.respond(body.velocity, flow_stress=self._sigma_nodes, again=iteration > 1 or self.border is None,
+            part.respond(body.velocity, flow_stress=self._sigma_nodes, grip=grip,
                          slip0=body.contact.slip0 * ratio / settings.regularisation)
         self.seconds["assembly"] += perf_counter() - start
         return self._resultants()

@@ -23,6 +23,7 @@ EXACT = 1e-14         # relative volume that is as good as none
 TOUCHING = 1e-6       # of the size of the body: a node nearer to a tool than this is on it
 LEAST_COSINE = 0.5    # to the sides that meet in an edge, and to a mirror plane: sharper ones move by less
 MOST_LOSS = 0.3       # of a cell's Jacobian, by one offset
+LEFT = 0.25           # of a cell's Jacobian: what has lost more in all keeps its place
 
 
 @dataclass(frozen=True)
@@ -96,19 +97,29 @@ class FreeSurface:
         Nodes on a tool and ``pressed`` ones (n,) keep their place, nodes on a mirror plane stay on it and those of the
         axis keep r = 0. Nodes that are driven into a tool are put back onto it, and the others make up for them.
         Mid-nodes below the surface go half-way with the end of their edge, so that a cell loses a tenth of its height
-        and no more at once.
+        and no more at once. A cell that little is left of, a lip or the bottom of a notch, keeps its place as well.
         """
         before = volume = self.volume(x)
-        moved, free = 0.0, np.flatnonzero(self.nodes)
+        moved, free, start = 0.0, np.flatnonzero(self.nodes), x.copy()
+        spent = np.zeros(len(x), bool)
         for _ in range(MOST_CALLS["out" if wanted > volume else "in"]):
             if abs(volume - wanted) <= EXACT * wanted:
                 break
-            held = self._on_tools(x, free, tools)
+            held = self._on_tools(x, free, tools) | spent
             direction = self.directions(x, held if pressed is None else held | pressed)
             if self.surface.volume_rate(x, direction) <= 1e-12 * wanted / self.size:
+                if spent.any():
+                    break
                 return Restored(before, volume, moved, "the body has no free surface")
-            distance = self._distance(x, direction, wanted, self._bound(x, direction))
-            distance *= self._allowed(x, distance * direction)
+            bound = self._bound(x, direction)
+            distance = self._distance(x, direction, wanted, bound)
+            share = self._allowed(x, distance * direction)
+            if share < 1.0 or abs(distance) >= bound:
+                newly = self._spent(start, x, share * distance * direction) & ~spent
+                if highest(self.surface.comm, float(newly.any())) > 0:
+                    spent |= newly
+                    continue
+            distance *= share
             x += distance * direction
             moved += distance
             if len(tools):
@@ -196,6 +207,14 @@ class FreeSurface:
                 break
             share /= 2
         return share
+
+    def _spent(self, start: np.ndarray, x: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """Which nodes (n,) belong to cells that the motion would leave hardly anything of what they were at the start.
+        Collective."""
+        cells = self._changing(motion)
+        before, after = _jacobians(start[cells]), _jacobians(x[cells] + motion[cells])
+        flat = (after / before[:, -1:] < LEFT * np.maximum(before / before[:, -1:], 0.1)).any(axis=1)
+        return self.surface.summed(np.bincount(cells[flat].ravel(), minlength=len(x)).astype(float)) > 0
 
     def _changing(self, motion: np.ndarray) -> np.ndarray:
         return self._cells[(motion != 0).any(axis=1)[self._cells].any(axis=1)]

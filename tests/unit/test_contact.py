@@ -499,3 +499,17 @@ def test_surface_is_counted_once_on_two_ranks(tmp_path):
     script.write_text(textwrap.dedent(TWO_RANKS))
     run = subprocess.run(["mpirun", "-n", "2", sys.executable, script], capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr
+
+
+def test_friction_that_is_held_does_not_follow_points_that_open_and_close():
+    """Two points, the second of which opens: its grip goes at once, slowly, or not at all."""
+    state = point_law.PointState.at_rest(2, 2)
+    state.active = np.array([True, True])
+    point_law.follow_contact(state, state.active, "new")
+    before, state.active = state.active, np.array([True, False])
+    point_law.follow_contact(state, before, "held")
+    assert state.grip == pytest.approx([1, 1])
+    point_law.follow_contact(state, before, "follows")
+    assert state.grip == pytest.approx([1, 0.5])
+    point_law.follow_contact(state, before, "new")
+    assert state.grip == pytest.approx([1, 0])

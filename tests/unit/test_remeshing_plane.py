@@ -10,7 +10,7 @@ import fenics_forming
 from fenics_forming.errors import MeshError
 from fenics_forming.physics import meshing
 from fenics_forming.physics.nodes import Nodes
-from fenics_forming.physics.remeshing import BodyArrays, filling, mmg, plane, remesh
+from fenics_forming.physics.remeshing import BodyArrays, Remeshed, filling, mmg, plane, remesh
 from fenics_forming.physics.remeshing.corner_cells import turned
 from fenics_forming.physics.remeshing.curve import Curve
 from fenics_forming.physics.remeshing.outline import Chain
@@ -283,6 +283,15 @@ def test_cells_behind_strongly_curved_sides_do_not_fold_over(engine, h):
     new = remesh(body, np.zeros(len(body.sides), int), size_of(h), engine=engine)
     assert scaled_jacobian(new.x, new.cells).min() > 0.25
     assert area(new) == pytest.approx(area(body), rel=1e-3)
+
+
+def test_side_that_folds_its_cell_over_in_every_attempt_is_straight():
+    x = np.array([[0.0, 0], [1, 0], [0, 1], [0.5, 0.5], [0, 0.5], [0.5, 0.4]])      # the middle of the first side sags
+    made = Remeshed(x=x, cells=np.arange(6)[None], labels=np.zeros(3, np.int64), engine="mmg")
+    assert scaled_jacobian(made.x, made.cells).min() < 0
+    straight = plane._straightened(made)
+    assert scaled_jacobian(straight.x, straight.cells).min() == pytest.approx(1.0)
+    assert (straight.x[:5] == x[:5]).all() and (straight.sides == made.sides).all()
 
 
 @engines

@@ -180,6 +180,24 @@ def test_large_offset_is_spread_so_that_no_cell_inverts(change):
     assert np.linalg.norm(nodes.x[rim], axis=1) == pytest.approx(np.sqrt(1 + change), rel=1e-5)
 
 
+def test_lip_keeps_its_place_while_the_others_make_up_for_it():
+    """Beside held nodes, as where a wall leaves a punch: its sagging sides leave its cells hardly any room."""
+    nodes = Nodes(meshing.rectangle((0, 0), (2, 1), (8, 4)))
+    held = (nodes.x[:, 1] == 1.0) & (nodes.x[:, 0] <= 1.0)
+    lip, first, second = (np.flatnonzero((nodes.x == (x, 1.0)).all(axis=1)) for x in (1.25, 1.125, 1.375))
+    mids, ends = nodes.edges_at(lip)
+    nodes.x[lip] = 1.184, 0.866
+    nodes.x[mids] = nodes.x[ends].mean(axis=1)
+    nodes.x[first, 1] -= 0.01
+    nodes.x[second, 1] -= 0.047
+    assert nodes.smallest_jacobian() > 0
+    free = FreeSurface.of_mesh(nodes, kinematics.PLANE_STRAIN, {})
+    wanted = free.volume(nodes.x) - 0.25          # a fifth of a cell from five sides of the body
+    done = free.offset_to(wanted, nodes.x, pressed=held)
+    assert done.shortfall is None and done.after == pytest.approx(wanted, rel=ROUNDING)
+    assert nodes.smallest_jacobian() > 0
+
+
 def test_what_does_not_fit_under_the_cap_is_reported_and_waits():
     nodes, _, free = curved_body("plane_strain", (12, 8))
     wanted = 0.4 * free.volume(nodes.x)

@@ -254,11 +254,11 @@ class BodyContact:
         return out.array.reshape(-1, self.dim).copy()
 
     def respond(self, unknowns: PETSc.Vec, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                again: bool = False) -> None:
+                grip: str = "new") -> None:
         """Tractions on the slave and their tangents for the present unknowns.
 
         flow_stress : (carriers,) for friction that is limited by it; touching : gap below which every carrier is closed;
-        again : in the same solve, where carriers that open and close must calm down
+        grip : which carriers friction acts at, see ``point_law.follow_contact``
         """
         start = process_time()
         state, relative, before = self.state, self.relative(unknowns), self.state.active
@@ -267,7 +267,7 @@ class BodyContact:
         traction, tangent = law.normal_response(state, self.coefficient)
         if self.has_friction:
             slip = law.slip_velocity(state, relative)
-            law.follow_contact(state, before if again and not self._guessed else None)
+            law.follow_contact(state, before, "new" if self._guessed else grip)
             limit = self._limit(flow_stress)
             law.update_friction_stress(state, slip, limit, self.slip0)
             along, along_tangent = law.friction_response(state, limit, self.slip0)

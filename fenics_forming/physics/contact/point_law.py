@@ -71,15 +71,22 @@ def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float,
     state.pressure = np.where(state.active, trial, 0.0)
 
 
-def follow_contact(state: PointState, before: np.ndarray | None) -> None:
-    """Update ``grip``: at once where ``before`` is None, else the more slowly the more often a point opens and closes.
+def follow_contact(state: PointState, before: np.ndarray, grip: str) -> None:
+    """Update ``grip`` after ``active``; ``before``, (points,), is what was active in the last iteration.
 
-    A point that opens loses all of its friction, which may close it again: such cycles never end by themselves. The pace
-    of a point is halved when it differs from ``before``, (points,) active in the last iteration, and grows slowly while it
-    does not (more slowly than doubling: cycles of period three and four must lose pace too).
+    A point that opens loses all of its friction, which may close it again: such cycles never end by themselves.
+
+    "new": all of it where a point is closed, none elsewhere · "follows": the same, the more slowly the more often a point
+    opens and closes; its pace is halved when it differs from ``before``, and grows slowly while it does not (more slowly
+    than doubling: cycles of period three and four must lose pace too) · "held": as it is. Which points are closed is then
+    the only question left, and has one answer, that of a convex potential: along a sticking die, where the pressure at a
+    point hangs on the friction there, it is found where slower and slower changes are not. What opens or closes after that
+    rubs accordingly in the next solve.
     """
-    state.pace, state.grip = (np.ones(len(state.grip)), state.active.astype(float)) if before is None else \
-        _followed(*_plain(before, state.active, state.pace, state.grip))
+    if grip == "new":
+        state.pace, state.grip = np.ones(len(state.grip)), state.active.astype(float)
+    elif grip == "follows":
+        state.pace, state.grip = _followed(*_plain(before, state.active, state.pace, state.grip))
 
 
 def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:

@@ -288,12 +288,12 @@ class RigidContact:
         return False
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                slip0: float | None = None, again: bool = False, held: bool = False) -> None:
+                slip0: float | None = None, grip: str = "new", held: bool = False) -> None:
         """Contact tractions and tangents for nodal velocities (nodes, dim), written into the facet integrals.
 
         flow_stress : (nodes,) for friction that is limited by it; touching : gap below which every point is closed,
-        for the first guess; slip0 : another slip regularisation, for the first guess and for continuation; again : in the
-        same solve, where points that open and close must calm down; held : for the first guess too, what was closed stays
+        for the first guess; slip0 : another slip regularisation, for the first guess and for continuation; grip : which
+        points friction acts at, see ``point_law.follow_contact``; held : for the first guess too, what was closed stays
         closed.
         """
         v = self.facets.trace(velocity)
@@ -311,7 +311,7 @@ class RigidContact:
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
-                law.follow_contact(state, before if again else None)
+                law.follow_contact(state, before, grip)
                 limit = self.limit(tool)
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)

@@ -30,13 +30,13 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
     """See `fenics_forming.physics.remeshing.remesh`.
 
     Coarse sides may cross each other and a cell may have no room for the curve of its side: such sides get finer
-    in the next attempt; where an engine fails, all sides do.
+    in the next attempt; where an engine fails, all sides do. A side that folds its cell over in every attempt is straight.
     """
     detail = None if least is None else lambda points: np.minimum(least, sizes(points))
     chains, changes = loops(body, labels, corner_angle, landing, detail)
     curves = [[Curve(chain, detail) for chain in loop] for loop in chains]
     boundary = Boundary(curves, sizes, _around(body, sizes), chord, least)
-    best, room, reasons = None, 0.0, {}
+    best, room, folded, reasons = None, 0.0, None, {}
     for attempt in range(1, ATTEMPTS + 1):
         outline = boundary.resample()
         crossed = crossing(outline.points, outline.sides)
@@ -54,9 +54,12 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, 
         new, spans, least = found
         if least > room:
             best, room = new, least
+        elif best is None:
+            folded = new
         if least >= FLATTEST:
             break
         boundary.refine(spans)
+    best = best or _straightened(folded)
     if best is None:
         raise MeshError(f"the body could not be meshed anew: {'; '.join(reasons.values())}")
     made = replace(best, healed=tuple(changes))
@@ -92,6 +95,19 @@ def _filled(outline: Outline, sizes, engine: str, reasons: dict[str, str]) -> tu
         flat[new.cells[room < FLATTEST]] = True
         return new, outline.spans[flat[sides].any(axis=1)], float(room.min())
     return None
+
+
+def _straightened(made: Remeshed | None) -> Remeshed | None:
+    """The mesh with straight sides where their curves fold cells over; None where that does not help."""
+    if made is None:
+        return None
+    flat = np.zeros(len(made.x), dtype=bool)
+    flat[made.cells[scaled_jacobian(made.x, made.cells) <= 0.0, 3:]] = True
+    sides, x = made.sides[flat[made.sides[:, 2]]], made.x.copy()
+    x[sides[:, 2]] = x[sides[:, :2]].mean(axis=1)
+    straight = replace(made, x=x)
+    straight.__dict__["sides"] = made.sides
+    return straight if scaled_jacobian(x, made.cells).min() > 0.0 else None
 
 
 def _engines(engine: str) -> list[str]:
