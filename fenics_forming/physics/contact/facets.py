@@ -23,6 +23,7 @@ from ..parallel import total
 
 DEGREE = {2: 6, 3: 4}   # 4 points per side, 6 per triangle: more than the bulk needs
 TAG = 1
+ALIKE = 1e-9            # normals that differ by less are the same
 
 
 class ContactFacets:
@@ -167,6 +168,19 @@ class ContactFacets:
     def linear_part(self, values: np.ndarray) -> np.ndarray:
         """Least-squares linear part, facet by facet, of values at the points: what a quadratic velocity can balance."""
         return (values.reshape(-1, self.points_per_facet) @ self._projection.T).ravel()
+
+    def staying(self, closed: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Which of the points that were ``closed``, (points,) bool, stay so for the first guess of the next solve, with the
+        ``normals`` of a tool (points, dim) there.
+
+        Sides that have moved over a curved tool hover between their nodes, and points there would open that press on. In
+        the plane those alone: on flat ground only a side that rolls hovers.
+        """
+        if self.dim == 3:
+            return closed
+        along = normals.reshape(-1, self.points_per_facet, self.dim)
+        turns = (np.abs(along - along[:, :1]) > ALIKE).any(axis=(1, 2))
+        return closed & np.repeat(turns, self.points_per_facet)
 
     def integral(self, values: np.ndarray) -> np.ndarray:
         """Sum over the points of all ranks of values that carry their weight already: (points[, k]) → ([k])."""

@@ -307,7 +307,8 @@ class RigidContact:
                 state.tool_velocity = tool.given_velocity + tool.free.velocities()
             closed = None if touching is None else state.gap <= touching
             before = state.active
-            law.normal_pressure(state, v, self.coefficient, self.dt, before if held else closed)
+            law.normal_pressure(state, v, self.coefficient, self.dt,
+                                self.facets.staying(before, state.normal) if held else closed)
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
