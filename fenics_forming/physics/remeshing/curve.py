@@ -8,15 +8,15 @@ the third derivative only, and lose a volume of fourth order in their length.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ...errors import MeshError
 from .outline import Chain, angle_between
+from .spline import Spline, half_lengths
 
 STRAIGHT = 1e-9          # of the length: what rounding leaves of a straight run
 SAMPLES = 4              # of the wanted size, on each half of an old side
 UNEVEN = 1e-6            # of a side: round lengths ask for n + 1/2 sides, of which round-off must not decide
-GAUSS = np.polynomial.legendre.leggauss(4)
+LEAST_AROUND = 4         # knots of a closed spline, the first again among them
 
 
 class Curve:
@@ -36,7 +36,7 @@ class Curve:
 
     def __init__(self, chain: Chain, detail=None):
         self.label, self.nodes = chain.label, chain.nodes
-        self._knots = np.concatenate([[0.0], np.cumsum(_half_lengths(chain.points))])
+        self._knots = np.concatenate([[0.0], np.cumsum(half_lengths(chain.points))])
         self.length = float(self._knots[-1])
         if not (np.diff(self._knots) > 0.0).all():
             place = ", ".join(f"{c:.6g}" for c in chain.points[np.argmin(np.diff(self._knots))])
@@ -51,7 +51,7 @@ class Curve:
         if self._spline is None:
             a, b = self._ends
             return a + (b - a) * (s / self.length)[:, None]
-        points = self._spline(s)
+        points, _ = self._spline(s)
         points[s == 0.0], points[s == self.length] = self._ends
         return points
 
@@ -59,7 +59,7 @@ class Curve:
         """Unit tangents, body on the left, (k, 2)."""
         if self._spline is None:
             return np.tile((self._ends[1] - self._ends[0]) / self.length, (len(s), 1))
-        t = self._spline(s, 1)
+        _, t = self._spline(s)
         return t / np.linalg.norm(t, axis=1)[:, None]
 
     def curvature(self) -> np.ndarray:
@@ -87,10 +87,12 @@ class Curve:
         return s
 
 
-def _spline(chain: Chain, knots: np.ndarray, detail) -> CubicSpline:
+def _spline(chain: Chain, knots: np.ndarray, detail) -> Spline:
     """Through the points of a chain that are not too close to each other."""
     kept = np.arange(len(knots)) if detail is None else _spread(knots, detail(chain.points) / 3)
-    return CubicSpline(knots[kept], chain.points[kept], bc_type="periodic" if chain.closed else "not-a-knot")
+    if chain.closed and len(kept) < LEAST_AROUND:
+        kept = np.arange(len(knots))
+    return Spline(knots[kept], chain.points[kept], chain.closed)
 
 
 def _spread(knots: np.ndarray, apart: np.ndarray) -> np.ndarray:
@@ -100,17 +102,6 @@ def _spread(knots: np.ndarray, apart: np.ndarray) -> np.ndarray:
         return np.arange(len(knots))
     _, first = np.unique(np.floor(number), return_index=True)
     return np.append(first[(first == 0) | (number[first] < number[-1] - 0.5)], len(knots) - 1)
-
-
-def _half_lengths(points: np.ndarray) -> np.ndarray:
-    """Lengths of both halves of the parabolas through (2 k + 1, 2) points: (2 k,)."""
-    start, middle, end = points[:-2:2], points[1::2], points[2::2]
-    halves, (nodes, weights) = [], GAUSS
-    for low in (0.0, 0.5):
-        t = (low + 0.25 * (nodes + 1))[:, None, None]
-        speed = (4 * t - 3) * start + (4 - 8 * t) * middle + (4 * t - 1) * end
-        halves.append(0.25 * (weights[:, None] * np.linalg.norm(speed, axis=2)).sum(axis=0))
-    return np.stack(halves, axis=1).ravel()
 
 
 def _straight(points: np.ndarray, length: float) -> bool:
