@@ -108,7 +108,7 @@ class FreeSurface:
             held = self._on_tools(x, free, tools) | spent
             direction = self.directions(x, held if pressed is None else held | pressed)
             if self.surface.volume_rate(x, direction) <= 1e-12 * wanted / self.size:
-                if spent.any():
+                if highest(self.surface.comm, float(spent.any())) > 0:
                     break
                 return Restored(before, volume, moved, "the body has no free surface")
             bound = self._bound(x, direction)
