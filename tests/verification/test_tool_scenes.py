@@ -239,3 +239,20 @@ def test_shrink_fit_holds_until_the_push_is_the_friction_of_its_pressure(tmp_pat
     assert energy["elastic_energy_mJ"] + energy["friction_work_mJ"] == pytest.approx(
         energy["external_work_mJ"] + energy["interference_work_mJ"], rel=1e-3)
     assert "max_effective_strain_die" not in row
+
+
+def test_corners_that_supports_move_press_as_the_face_between_them_does():
+    """A stiff punch is moved down by its top, or by its top and both sides, whose lowest nodes lie on the contact surface:
+    the same force. It is a thousand times stiffer than what it presses on, and bends by about as little."""
+    pressed = []
+    for faces in (["y_high"], ["y_high", "x_low", "x_high"]):
+        moved = dict.fromkeys(faces, {"x": 0.0, "y": -0.01})
+        parts = {"low": {"shape": {"kind": "rectangle", "from": [-5, 0], "to": [25, 10]}, "material": "steel",
+                         "mesh_size": 2.4, "held": {"y_low": ["x", "y"]}},
+                 "high": {"shape": {"kind": "rectangle", "from": [0, 10], "to": [20, 20]}, "material": "hard",
+                          "mesh_size": 2, "held": moved}}
+        materials = {"steel": STEEL, "hard": {"young": 210e6, "poisson": 0.3}}
+        scene = Scene.read({"geometry": "plane_strain", "materials": materials, "tools": {"press": {"parts": parts}},
+                            "contacts": [{"between": ["high", "low"]}]})
+        pressed += last(ff.simulate(scene), "contact_force_high_low_N_per_mm")
+    assert pressed[1] == pytest.approx(pressed[0], rel=2e-3)

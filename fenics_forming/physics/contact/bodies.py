@@ -69,6 +69,7 @@ class BodyContact:
     seconds : CPU time spent on search, operator, law, forces and tangent
     """
 
+    sees_held = False       # whether unknowns that are given may be other than zero: relative motions and forces have them
     _frames: np.ndarray | None = None       # (points, dim, dim): motion of a foot, as the slave sees it in its own frame
 
     def __init__(self, nodes: Nodes, kinematics: Kinematics, slave: np.ndarray, master: np.ndarray, *, dofs: np.ndarray,
@@ -90,7 +91,7 @@ class BodyContact:
         self.state = CarrierState.at_rest(self.carriers.count, self.dim)
         self.state.groups = self.carriers.groups
         self.silence()
-        self.G = self._K = self._inner = self._traces = None
+        self.G = self._seen = self._K = self._inner = self._traces = None
         of_sides = [everywhere(nodes.comm, dofs[sides]) for sides in (self.points.sides, self._master)]
         every = np.concatenate(of_sides).reshape(-1, self.dim)
         self.unknowns = every[np.unique(every[:, 0], return_index=True)[1]]
@@ -210,11 +211,14 @@ class BodyContact:
         self._back = carriers.mine(total(self.nodes.comm, self.rows.back))
         self.weights = carriers.mine(np.where(over, weight, 0.0))
         state.gap, state.normal = carriers.mine(np.where(over, mean[:, 0], np.inf)), carriers.mine(normal)
-        for old in (self.G, self._K, self._inner):
-            if old is not None:
-                old.destroy()
+        for old in {id(m): m for m in (self.G, self._seen, self._K, self._inner) if m is not None}.values():
+            old.destroy()
         self._K = self._inner = self._traces = None
         self.G = gap_operator(self.nodes.comm, carriers, self._owned, self.rows, unknowns=self.unknowns, free=self.free)
+        self._seen = self.G
+        if self.sees_held and not self.free.all():
+            self._seen = gap_operator(self.nodes.comm, carriers, self._owned, self.rows, unknowns=self.unknowns,
+                                      free=np.ones_like(self.free))
 
     def _keep_one_face(self) -> None:
         """Points whose normals are far from the mean of their carrier do not count in it: of two faces of the master around
@@ -249,8 +253,8 @@ class BodyContact:
     # ------------------------------------------------------------------ response
     def relative(self, unknowns: PETSc.Vec) -> np.ndarray:
         """Velocity (displacement) of the slave's carriers relative to what they face, (carriers, dim). Collective."""
-        out = self.G.createVecLeft()
-        self.G.mult(unknowns, out)
+        out = self._seen.createVecLeft()
+        self._seen.mult(unknowns, out)
         return out.array.reshape(-1, self.dim).copy()
 
     def respond(self, unknowns: PETSc.Vec, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
@@ -329,9 +333,9 @@ class BodyContact:
         return self._on_nodes(self.state.pressure[:, None] * self.state.normal)
 
     def _on_nodes(self, traction: np.ndarray) -> PETSc.Vec:
-        load, out = self.G.createVecLeft(), self.G.createVecRight()
+        load, out = self._seen.createVecLeft(), self._seen.createVecRight()
         load.array[:] = (self.weights[:, None] * traction).ravel()
-        self.G.multTranspose(load, out)
+        self._seen.multTranspose(load, out)
         return out
 
     def weighted_tangent(self) -> np.ndarray:

@@ -12,10 +12,11 @@ from ..parallel import highest, lowest, total
 from . import point_law as law
 from .bodies import BodyContact, everywhere
 from .holding import Hold, augmented, held_places, hold
-from .surface_turn import Turned, turned_with
+from .surface_turn import BENT, Turned, turned_with
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
 UNLIMITED = 1e30     # yield stress of a part that cannot yield, MPa: its friction is not limited by it
+MOSTLY = 0.5         # of the greatest displacement of a surface: if it slides by less, its bending is not that of a belt
 SLIDE = 0.1          # of the smallest side: parts that have slid farther since they were paired meet other sides
 
 
@@ -32,6 +33,7 @@ class PartContactField(BodyContact):
         tractions (what an interference gives to the parts)
     """
 
+    sees_held = True
     friction_work = interference_work = 0.0
     holder = ""
     creep = 0.0         # see `holding.hold`
@@ -90,10 +92,17 @@ class PartContactField(BodyContact):
 
     def has_slid(self) -> bool:
         """Whether parts that press on one another have slid so far that they meet other sides. Collective."""
-        way = self._relative - self._paired_at()
-        normal = np.einsum("pi,pi->p", way, self.state.normal)
-        slid = np.linalg.norm(way - normal[:, None] * self.state.normal, axis=1)[self.state.active]
-        return highest(self.nodes.comm, float(slid.max(initial=0.0))) > SLIDE * self.smallest_side
+        return self._slide(self._paired_at()) > SLIDE * self.smallest_side
+
+    def _slide(self, since: np.ndarray | float) -> float:
+        """How far points that press on one another have slid, mm, since a relative displacement. Collective."""
+        slid = np.linalg.norm(self._along(self._relative - since), axis=1)[self.state.active]
+        return highest(self.nodes.comm, float(slid.max(initial=0.0)))
+
+    def is_pressed_flat(self, displacement: np.ndarray) -> bool:
+        """Whether displacements (nodes, dim) bend a surface without that it slides, as a ball that is pressed flat: it lies
+        as it is, as small strains have it, and keeps the sides that it meets. Collective."""
+        return any(turned.bent > BENT and self._slide(0.0) < MOSTLY * turned.most for turned in self._turns(displacement))
 
     def _turns(self, displacement: np.ndarray) -> list[Turned]:
         """How displacements (nodes, dim) turn the surfaces of slave and master. Collective."""

@@ -32,10 +32,13 @@ class Turned:
     ----------
     x : (nodes, dim) mm, of the nodes of the surface; those of others mean nothing
     rotation : (sides of this rank, dim, dim) of the frames in which forces on them balance
+    bent : part of the greatest displacement that is not of the rigid motion, 0 where it has not turned · most : that, mm
     """
 
     x: np.ndarray
     rotation: np.ndarray
+    bent: float
+    most: float
 
 
 def turned_with(nodes: Nodes, sides: np.ndarray, displacement: np.ndarray) -> Turned:
@@ -51,16 +54,17 @@ def turned_with(nodes: Nodes, sides: np.ndarray, displacement: np.ndarray) -> Tu
     both = total(nodes.comm, np.einsum("nki,nli->kl", modes, np.concatenate([modes, u[used][:, None]], axis=1)))
     found = np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=1e-12)[0]
     if np.linalg.norm(found[dim:]) < STILL:
-        return Turned(nodes.x + displacement, np.broadcast_to(np.eye(dim), (len(sides), dim, dim)))
+        return Turned(nodes.x + displacement, np.broadcast_to(np.eye(dim), (len(sides), dim, dim)), 0.0, 0.0)
     along, spin = np.zeros(3), np.einsum("k,kij->ij", found[dim:], turns)
     along[:dim] = found[:dim]
     rotation, way = _exponential(spin)
     left = u - along - arm @ spin.T
     moved = x + way @ along + (arm + left) @ rotation.T - arm
     rest, whole = (highest(nodes.comm, float(np.linalg.norm(way[used], axis=1).max(initial=0.0))) for way in (left, u))
-    own = min(rest / (BENT * whole), 1.0) * _own_spins(x[sides], left[sides], turns)
+    bent = rest / whole
+    own = min(bent / BENT, 1.0) * _own_spins(x[sides], left[sides], turns)
     of_sides = rotation @ _exponential(np.einsum("fk,kij->fij", own, turns))[0]
-    return Turned(moved[:, :dim], of_sides[:, :dim, :dim])
+    return Turned(moved[:, :dim], of_sides[:, :dim, :dim], bent, whole)
 
 
 def _own_spins(x: np.ndarray, u: np.ndarray, turns: np.ndarray) -> np.ndarray:

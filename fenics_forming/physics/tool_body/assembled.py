@@ -303,10 +303,10 @@ class AssembledSolver(PlasticSolver):
         """Pair parts anew where the step has brought them, and find the balance there; the iterations. Collective."""
         spent = 0
         for _ in range(PAIRINGS):
-            slid = [contact for contact in self.contacts if contact.has_slid()]
+            moved = self.body.nodal()
+            slid = [contact for contact in self.contacts if contact.has_slid() and not contact.is_pressed_flat(moved)]
             if not slid:
                 break
-            moved = self.body.nodal()
             for contact in slid:
                 contact.pair_again(moved, self.body.displacement.x.petsc_vec)
             self._increments, self._anew = 0, True

@@ -17,7 +17,7 @@ def resultant_columns(contact: Contact, slave: str, force: np.ndarray, along: di
     force : (dim,) on the ``slave``, of the part that is modelled · along : axis → parts on which the same acts, in order
     """
     sign = 1.0 if contact.between[0] == slave else -1.0
-    return {f"resultant_{contact.name.replace('-', '_')}_{axis}_{unit}": sign * float(force[k]) * count
+    return {f"resultant_{contact.name.replace('-', '_')}_{axis}_{unit}": sign * float(force[k]) * count + 0.0
             for k, (axis, count) in enumerate(along.items()) if axis != "r"}
 
 
