@@ -11,6 +11,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
+from .contact.rigid import STICKING, VERGE
 from .line_search import LineSearch
 from .linear_choice import linear_system
 from .node_kernels import greatest, sums_of_squares
@@ -94,9 +95,13 @@ class FlowSolver:
                 history.append(failure.sentence)
         body.tie_to_last_rate(characteristic_rate, None)
         goal = settings.regularisation
-        for ladder in ((goal,), tuple(r for r in CONTINUATION if r > goal) + (goal,)):
+        slowly = tuple(r for r in CONTINUATION if r > goal) + (goal,)
+        tries = [(STICKING, (goal,)), (STICKING, slowly)]
+        if body.contact is not None and body.contact.sticks:
+            tries += [(VERGE, (goal,)), (VERGE, slowly)]
+        for bound, ladder in tries:
             try:
-                return self._from_nothing(task, ladder)
+                return self._from_nothing(task, ladder, bound)
             except ConvergenceError as failure:
                 history.append(failure.sentence)
         body.is_cold = True
@@ -104,18 +109,24 @@ class FlowSolver:
                                advice="try a smaller step, a smaller solver.penalty_factor, or a larger "
                                       "solver.regularisation")
 
-    def _from_nothing(self, task: _Task, ladder) -> FlowSolution:
+    def _from_nothing(self, task: _Task, ladder, bound: float) -> FlowSolution:
         """The flow from a linear viscous start through the regularisations of the ladder, and once more to take the
-        penetration out where contact is augmented."""
+        penetration out where contact is augmented; what sticks bears ``bound`` k in shear."""
+        contact, spent = self.workpiece.contact, 0
         if self.border is not None:
             self.border.start_again()
-        spent = 0
-        for k, ratio in enumerate(ladder):
-            found = self._iterate(task, ratio, cold=k == 0)
-            spent += found.iterations
-        if self.settings.augmented and self.workpiece.contact is not None:
-            found = self._iterate(task, ladder[-1])
-            spent += found.iterations
+        if contact is not None:
+            contact.sticking = bound
+        try:
+            for k, ratio in enumerate(ladder):
+                found = self._iterate(task, ratio, cold=k == 0)
+                spent += found.iterations
+            if self.settings.augmented and contact is not None:
+                found = self._iterate(task, ladder[-1])
+                spent += found.iterations
+        finally:
+            if contact is not None:
+                contact.sticking = STICKING
         return FlowSolution(spent, found.velocity_change, found.force_change)
 
     def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:

@@ -15,6 +15,9 @@ from .free_motions import FreeMotions
 if TYPE_CHECKING:       # neither sparse matrices nor meshes of tools where no tool deforms
     from .deformed import DeformedSurface
 
+# Times k: sticking is a bound that the material never reaches, since it yields at k; it keeps landing points calm. Of a
+# wide surface on the verge of lifting off, more than k closes again what has opened, and so on without end.
+STICKING, VERGE = 2.0, 1.0
 RISING = 0.1    # of the speed of the tools: at most that fast what has sunk into one comes out again
 
 
@@ -150,6 +153,7 @@ class RigidContact:
         self.coefficient: float | None = None
         self.reference: float | None = None     # C of the start, for unit flow stress and tool speed
         self.inertia = 0.0                      # what the mass that lands in a step adds to C, N s/mm³
+        self.sticking = STICKING                # what a tool that sticks bears in shear, in k
         self.dt = self._speed = 1.0
         self.slip0 = slip_regularisation
         self.weights: np.ndarray | None = None      # of the points, mm² and what goes with them: known by the first search
@@ -322,6 +326,11 @@ class RigidContact:
             tangent += k
         self.facets.set_traction(traction, tangent)
 
+    @property
+    def sticks(self) -> bool:
+        """Whether the body sticks to one of the tools."""
+        return any(tool.sticks for tool in self.tools)
+
     def limit(self, tool: KnownTool) -> np.ndarray:
         """Friction limit of a tool at the points (points,), N/mm², for the flow stress of the last :meth:`respond`."""
         return self.limit_under(tool, tool.state.pressure, tool.state.grip)
@@ -330,8 +339,7 @@ class RigidContact:
         """The same under another pressure (points,), MPa, where the shares ``grip`` (points,) of it rub."""
         flow_stress = self._flow_stress
         if tool.sticks:
-            # sticking is a bound that the material never reaches, since it yields at k; it keeps landing points calm
-            return 2 / np.sqrt(3) * flow_stress
+            return self.sticking / np.sqrt(3) * flow_stress
         if tool.friction.depends_on_pressure:
             pressure = self._nodal_mean(pressure, grip)
         return tool.friction.limit(pressure, flow_stress)
