@@ -56,8 +56,9 @@ run that says *failed* ended before 60 %, however short its steps were made.
 
 ## Renewing the mesh
 
-`remesh = true`, everything else as in the scenes. *Remeshing and transfer*: part of the wall time, without the solve on the
-new mesh. *Largest jump*: of the die force at one and the same instant, before and after a remeshing.
+`remesh = true`, everything else as in the scenes. *Remeshing and transfer*: part of the wall time, without the spaces,
+forms and the solve on the new mesh, which belong to the steps; in the plane the spaces and forms take about as long.
+*Largest jump*: of the die force at one and the same instant, before and after a remeshing.
 
 {remeshing}
 
