@@ -113,3 +113,20 @@ def test_stops_of_a_block_on_a_belt_take_the_friction_along_their_normals():
     friction, row = 0.15 * 200 / np.sqrt(3) * 240, results.history.rows[-1]
     # the solver's tolerance of forces
     assert [row["force_x_N"], row["force_y_N"]] == pytest.approx([0.6 * friction, 0.8 * friction], rel=2e-3)
+
+
+def test_the_support_of_a_bent_strip_carries_half_the_force_of_the_punch():
+    """Three-point bending of the half that is modelled: the roll far from the middle of the strip bears what the punch
+    presses, and that is four plastic moments (2k h²/4) over the span, and a little more for the width of the contacts."""
+    disc = lambda x, y: {"shape": {"kind": "circle", "centre": [x, y], "radius": 4}}  # noqa: E731
+    results = simulate(Scene(
+        geometry="plane_strain", materials={"steel": {"flow_stress": laws.Constant(value=250)}},
+        workpieces={"strip": {"shape": {"kind": "rectangle", "from": [0, 0], "to": [36, 4]}, "symmetry": ["x"],
+                              "material": "steel", "mesh_size": 1}},
+        tools={"punch": disc(0, 8) | {"drive": {"kind": "speed", "velocity": [0, -1]}}, "roll": disc(25, -4)},
+        steps={"stroke": 0.1}, stop={"stroke": 0.3}))
+    punch, roll = (results.history.column(f"force_{name}_N_per_mm")[1:] for name in ("punch", "roll"))
+    collapse = 4 * (2 / np.sqrt(3) * 250 * 4**2 / 4) / 50
+    assert (punch > collapse).all() and (punch < 1.1 * collapse).all()     # 6 % above measured
+    # both rolls together; the tilt of the contact at the roll, 0.02, takes 4e-4
+    np.testing.assert_allclose(roll, punch, rtol=3e-3)

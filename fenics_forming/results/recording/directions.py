@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 FACES = 0.7071      # cosine: a tool at rest faces the main tool where no axis at right angles to its way is nearer
+NEAR = 0.02         # of the size of the body: as near as this counts as nearest
 DRAGS = 0.05        # cosine: a tool whose way lies in its surface, like that of a belt, drags and does not press
 
 
@@ -12,7 +13,8 @@ def pushing_direction(scene, tools, tool, extents) -> np.ndarray:
     """Unit vector (dim,) in which a tool pushes.
 
     That is the way of its drive, or against it where that leads away from all of the body. At rest, or only turning, it
-    pushes towards the body as it was at the start: along the way of the main tool where it faces that, else across it.
+    pushes towards the body as it was at the start: along the way of the main tool where it
+    faces that from the middle of the body or where it is nearest, else across it.
     Where the main tool drags, a flat tool pushes along its normal; any other one, and all where nothing else presses, along
     an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant.
 
@@ -37,12 +39,22 @@ def pushing_direction(scene, tools, tool, extents) -> np.ndarray:
         if (np.abs(counting.gap(corners)[1] @ main) < DRAGS).all():
             if np.ptp(tool.gap(corners)[1], axis=0).max() == 0:
                 return normal
-        elif abs(facing := float(normal @ main)) > FACES:
-            return np.copysign(1.0, facing) * main
         else:
-            across = normal - facing * main
+            for facing in (float(normal @ main), float(_where_nearest(tool, low, high) @ main)):
+                if abs(facing) > FACES:
+                    return np.copysign(1.0, facing) * main
+            across = normal - normal @ main * main
             return across / np.linalg.norm(across)
     return np.copysign(1.0, normal[axis]) * np.eye(len(low))[axis]
+
+
+def _where_nearest(tool, low, high) -> np.ndarray:
+    """Mean normal (dim,) of a tool where it is nearest to the box around the body: a support faces a punch beside it."""
+    dim = len(low)
+    box = np.stack(np.meshgrid(*np.linspace(low, high, 21 if dim == 2 else 7).T), axis=-1).reshape(-1, dim)
+    gap, normals = tool.gap(box)
+    mean = normals[gap < gap.min() + NEAR * np.linalg.norm(high - low)].mean(axis=0)
+    return mean / max(float(np.linalg.norm(mean)), 1e-12)
 
 
 def _way(scene, name) -> np.ndarray | None:
