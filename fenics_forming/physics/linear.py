@@ -63,11 +63,24 @@ class DirectSolver:
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         self._ksp.solve(b, x)
 
-    def solve_columns(self, columns: np.ndarray) -> np.ndarray:
-        """Solve for many right-hand sides at once: the owned rows (n, k) of them, and of the solutions."""
-        layout = ((len(columns), None), (None, columns.shape[1]))
-        right = PETSc.Mat().createDense(layout, array=np.asfortranarray(columns), comm=self._A.comm)
-        right.assemble()
-        found = right.duplicate()
+    def solve_units(self, rows: np.ndarray) -> np.ndarray:
+        """Solve for many right-hand sides at once, the k-th with a one in the row (of this rank) ``rows[k]``, nothing where
+        that is -1: owned rows (n, k) of the solutions. Sparse ones, which MUMPS gets from one rank, take half the time.
+        Collective."""
+        comm, own, count = self._A.comm, self._A.getLocalSize()[0], len(rows)
+        ones = np.flatnonzero(rows >= 0)
+        found = PETSc.Mat().createDense(((own, None), (None, count)), comm=comm)
+        found.setUp()
+        found.assemble()
+        if comm.size == 1:
+            starts = np.append(0, np.cumsum(rows >= 0)).astype(PETSc.IntType)
+            turned = PETSc.Mat().createAIJ((count, own), csr=(starts, rows[ones].astype(PETSc.IntType), np.ones(len(ones))),
+                                           comm=comm)
+            right = PETSc.Mat().createTranspose(turned)
+        else:
+            columns = np.zeros((own, count), order="F")
+            columns[rows[ones], ones] = 1.0
+            right = PETSc.Mat().createDense(((own, None), (None, count)), array=columns, comm=comm)
+            right.assemble()
         self._factor.matSolve(right, found)
         return found.getDenseArray().copy()

@@ -39,10 +39,9 @@ def compliance(body: ToolBody, direct: DirectSolver, dofs: np.ndarray,
     found = np.zeros((len(dofs), len(wanted)))
     for start in range(0, len(wanted), BLOCK):
         columns = wanted[start:start + BLOCK]
-        unit = np.zeros((body.owned, len(columns)), order="F")
-        here = np.flatnonzero(np.isin(columns, mine))
-        unit[local[columns[here]], here] = ~held[local[columns[here]]]
-        answers = direct.solve_columns(unit)
+        rows = np.where((local[columns] >= 0) & (local[columns] < body.owned), local[columns], -1)
+        rows[held[rows] & (rows >= 0)] = -1
+        answers = direct.solve_units(rows)
         found[mine, start:start + len(columns)] = answers[local[mine]]
     if body.nodes.comm.size > 1:
         body.nodes.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
