@@ -1,8 +1,8 @@
 """What an elastic die costs: a thin strip between rigid and between elastic dies, in the same steps.
 
 The die has at least four times the unknowns of the strip and is condensed to the nodes that contact reaches: one
-factorisation in the whole run. CPU seconds of one process after a warm-up run that compiles the forms; on another machine
-their ratio carries over, not they themselves.
+factorisation in the whole run. CPU seconds of one process after a warm-up run that compiles the forms, the lesser of two
+runs in turn; on another machine their ratio carries over, not they themselves.
 
     python3 benchmarks/elastic_dies.py
 """
@@ -40,9 +40,10 @@ def main() -> list[dict]:
     """Run both, write ``elastic_dies.csv``, print the rows."""
     for mode in ("rigid", "iterated"):
         press(mode, mesh=1.0, contact=2.0)
+    runs = [(mode, press(mode)) for mode in ("rigid", "iterated") * 2]
     rows = []
     for mode in ("rigid", "iterated"):
-        results = press(mode)
+        results = min((r for m, r in runs if m == mode), key=lambda r: r.summary["cpu_s"])
         s, iterations = results.summary, results.history.column("newton_iterations")
         rows.append({"dies": mode, "dofs": s["dofs"], "steps": s["steps"], "iterations": s["newton_iterations"],
                      "iterations_per_step_flowing": float(np.mean(iterations[-20:])),
