@@ -80,6 +80,9 @@ def contact_problems(scene):
             sentence = "are no two workpieces and no two parts of one tool"
             yield SceneError(f"'{contact.between[0]}' and '{contact.between[1]}' {sentence}",
                              key=f"contacts.{number}.between", got=contact.between, allowed="bodies of one kind")
+        if contact.conductance is not None and tool_of.keys() & set(contact.between):
+            yield SceneError("is of heat between workpieces; between parts of a tool none is computed",
+                             key=f"contacts.{number}.conductance", got=contact.conductance, allowed="nothing")
     yield from _limits_without_yield(scene, tool_of)
 
 

@@ -38,11 +38,6 @@ def tool_material(scene, name):
 
 def heat_problems(scene):
     """What makes a scene that asks for temperatures impossible, as `SceneError`s."""
-    parts = {part for tool in scene.tools.values() for part in tool.parts}
-    for number, contact in enumerate(scene.contacts):
-        if contact.conductance is not None and parts & set(contact.between):
-            yield SceneError("is of heat between workpieces; between parts of a tool none is computed",
-                             key=f"contacts.{number}.conductance", got=contact.conductance, allowed="nothing")
     asking = asks_for_heat(scene)
     if asking is None:
         return

@@ -62,6 +62,8 @@ REFUSED = [
     (ring(shape={"kind": "circle", "centre": [30, 5], "radius": 3, "hollow": True}), "tools.ring.shape", "is to deform"),
     (tools_alone(plate={"shape": RING}), "workpieces", "is missing"),
     (two_rings() | {"contacts": [{"between": ["insert", "rink"]}]}, "contacts.0.between", "did you mean 'ring'"),
+    (two_rings() | {"contacts": [{"between": ["insert", "ring"], "conductance": 5}]}, "contacts.0.conductance",
+     "between parts of a tool none is computed"),
     (two_rings(material="steel"), "tools.die.material", "belongs to the parts"),
     (ring() | {"points": {"p": {"body": "ring", "at": [50, 5]}}}, "points.p.at", "outside 'ring'"),
     (ring() | {"stop": {"stroke": 1}}, "stop", "something is formed"),
