@@ -123,7 +123,10 @@ class FreeSurface:
             x += distance * direction
             moved += distance
             if len(tools):
+                level = {axis: x[on, axis] for axis, on in self.on_plane.items()}
                 put_on_tools(x, tools, free, {}, 0.0)
+                for axis, on in self.on_plane.items():      # where a tool slopes there, its normal leads away from it
+                    x[on, axis] = level[axis]
             volume = self.volume(x)
         left, shortfall = volume / wanted - 1.0, None
         if abs(left) > 100 * EXACT:

@@ -137,6 +137,17 @@ def test_nodes_driven_into_a_tool_are_put_back_and_the_others_make_up_for_them()
     assert cell_volume(nodes, kin) == pytest.approx(wanted, rel=ROUNDING) and done.shortfall is None
 
 
+def test_nodes_of_a_mirror_plane_that_are_put_back_onto_a_sloping_tool_stay_on_that_plane():
+    """The normal of a facet leads away from the plane: a mid-node that has left it stays behind, and looks like a fold."""
+    nodes, _, free = curved_body("3d")
+    normal = np.array([0.3, 0.0, -1.0]) / np.hypot(0.3, 1.0)
+    tool = KnownTool("die", Plane((0.0, 0.0, 1.01), tuple(normal)), motion=ToolMotion(np.zeros(3), np.zeros(3)))
+    before = free.volume(nodes.x)
+    free.offset_to(1.02 * before, nodes.x, [tool])
+    assert max(np.abs(nodes.x[free.on_plane[axis], axis]).max() for axis in (0, 2)) < 1e-15
+    assert free.volume(nodes.x) == pytest.approx(1.02 * before, rel=ROUNDING)
+
+
 def test_free_surface_moves_by_the_same_normal_distance_up_to_a_slanted_mirror_plane():
     """A wedge with its mirror plane across a slanted side: every point of the side goes out by the one distance."""
     nodes = Nodes(meshing.rectangle((0, 0), (2, 1), (6, 4)))

@@ -53,7 +53,7 @@ def _held(body, free, tool, history: dict[str, np.ndarray]) -> dict[str, np.ndar
     vertex = _found(body, rows[:, :3])
     blocked = np.zeros(len(rows), bool)
     while True:
-        placed = _placed(body, tool, edges, vertex, rows[:, 3:6], ~blocked)
+        placed = _placed(body, free, tool, edges, vertex, rows[:, 3:6], ~blocked)
         worst = highest(comm, (_spoilt(body, placed, vertex) & ~blocked).astype(float)) > 0
         if not worst.any():
             break
@@ -131,7 +131,7 @@ def _spoilt(body, placed: np.ndarray, vertex: np.ndarray) -> np.ndarray:
     return np.isin(vertex, cells[flat | bent, :4]) & (vertex >= 0)
 
 
-def _placed(body, tool, edges: ToolEdges, vertex: np.ndarray, places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+def _placed(body, free, tool, edges: ToolEdges, vertex: np.ndarray, places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Positions with the chosen vertices at their places and the mid-nodes after them, see `hold_edges`."""
     x, here = body.x.copy(), chosen & (vertex >= 0)
     x[vertex[here]] = places[here]
@@ -147,4 +147,6 @@ def _placed(body, tool, edges: ToolEdges, vertex: np.ndarray, places: np.ndarray
     x[mids[~straight]] += 0.5 * moved[ends[~straight]].sum(axis=1)
     chain, place = edges.follows(x[ends], middle)
     x[mids[outer & chain]] = place[outer & chain]
+    for axis, on in free.on_plane.items():
+        x[on, axis] = body.x[on, axis]
     return x
