@@ -13,10 +13,10 @@ def pushing_direction(scene, tools, tool, extents) -> np.ndarray:
     """Unit vector (dim,) in which a tool pushes.
 
     That is the way of its drive, or against it where that leads away from all of the body. At rest, or only turning, it
-    pushes towards the body as it was at the start: along the way of the main tool where it
-    faces that from the middle of the body or where it is nearest, else across it.
-    Where the main tool drags, a flat tool pushes along its normal; any other one, and all where nothing else presses, along
-    an axis. In axisymmetry that of a resting tool is the axis, where alone forces have a resultant.
+    pushes towards the body as it was at the start: along the way of the main tool where it faces that, in the middle of the
+    body or where it is nearest to it, else across it. Where the main tool drags, a flat tool pushes along its normal; any
+    other one, and all where no tool has a way, along an axis. In axisymmetry a resting tool pushes along the axis, where
+    alone forces have a resultant.
 
     Parameters
     ----------
