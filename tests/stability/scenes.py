@@ -191,3 +191,14 @@ def whole(outcome: Outcome) -> None:
         assert results.frames[-1][0] == pytest.approx(outcome.last["time_s"])
         cuts = [note for note in outcome.heard.notes if note.startswith(f"step {outcome.last['step'] + 1} cut")]
         assert cuts, "it failed without having tried a shorter step"
+
+
+def balanced(results, lost: float, pushed=slice(None)) -> None:
+    """Finite numbers; no body has lost more than ``lost`` of its volume; power balances in the ``pushed`` rows."""
+    history = results.history
+    for name in history.columns:
+        assert np.isfinite(history.column(name)).all(), name
+        if name.startswith("volume_error_"):
+            worst = np.abs(history.column(name)).max()
+            assert worst < lost, f"{name}: {worst:.2%}"
+    assert np.abs(history.column("power_imbalance"))[pushed].max(initial=0.0) < 1e-2

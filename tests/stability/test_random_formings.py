@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fenics_forming import simulate
 from fenics_forming.errors import ConvergenceError
 from fenics_forming.scene import Scene
+from tests.stability.scenes import balanced
 
 pytestmark = pytest.mark.long
 
@@ -207,13 +208,9 @@ LOSSY = {"explicit": 0.1, "etd2": 0.03}      # of the volume, in six steps to a 
 def check_laws(scene: Scene, results) -> None:
     """Finite numbers; volume, power; strains that grow; tools that push, metal and friction that take power."""
     history = results.history
-    for name in history.columns:
-        assert np.isfinite(history.column(name)).all(), name
-    lost = np.abs(history.column("volume_error_b")).max()
-    assert lost < LOSSY.get(scene.scheme, 0.01), f"{lost:.2%} of the volume"
     forces = np.array([history.column(name) for name in history.columns if name.startswith("force_")])
-    pushed = forces[0] > 1e-3 * forces.max()       # else there is no power to balance: a bar that is only on its way
-    assert np.abs(history.column("power_imbalance"))[pushed].max(initial=0.0) < 1e-2
+    # of a tool that does not press there is no power to balance: a bar that is only on its way
+    balanced(results, LOSSY.get(scene.scheme, 0.01), pushed=forces[0] > 1e-3 * forces.max())
     assert forces.min() > -1e-6 * forces.max(), "tools push"
     strain = history.column("max_effective_strain")
     assert (np.diff(strain) > -0.2 - 0.3 * strain[:-1]).all(), "strain gathers; new meshes blunt its peak"
