@@ -35,6 +35,7 @@ class Settling:
     def settle(self, system, b: PETSc.Vec, solve, border) -> None:
         """Follow the contact of the increment that was found, with that of the motions of tools that a ``border`` seeks,
         and ``solve(b)`` again. Collective."""
+        self.begin()
         for _ in range(MOST):
             change = self._follow({} if border is None else border.coming())
             if change is None:
@@ -42,6 +43,10 @@ class Settling:
             self._add_forces(b, change)
             system.follow_contact()
             solve(b)
+
+    def begin(self) -> None:
+        """No point has closed or opened yet."""
+        self._seen = {tool.name: np.zeros(len(tool.state.active), bool) for tool in self._contact.tools}
 
     def _follow(self, coming: dict[str, np.ndarray]) -> np.ndarray | None:
         """Close the points that the increment closes, and no others; the change of the tractions on the body at the contact
@@ -69,9 +74,12 @@ class Settling:
 
     def _take_over(self, tool, now: np.ndarray, velocity: np.ndarray) -> None:
         """The points ``now`` (points,) bool are closed: traction and tangent of the tool at the velocities (points, dim) of
-        before the increment."""
-        state, contact = tool.state, self._contact
-        state.grip = np.where(now == state.active, state.grip, now)
+        before the increment. A point that closes and opens for its friction is calmed: see `point_law.follow_contact`."""
+        state, contact, seen = tool.state, self._contact, self._seen[tool.name]
+        changes = now != state.active
+        state.pace = np.where(changes & seen, 0.5 * state.pace, state.pace)
+        state.grip = np.where(changes, state.grip + state.pace * (now - state.grip), state.grip)
+        self._seen[tool.name] = seen | changes
         state.active = now
         state.pressure = np.where(now, law.trial_pressure(state, velocity, contact.coefficient, contact.dt), 0.0)
         tool.traction, tool.tangent = law.normal_response(state, contact.coefficient)

@@ -12,6 +12,7 @@ from fenics_forming.physics.direct import DirectSystem
 from fenics_forming.physics.iterative.aggregates import blended, groups_of
 from fenics_forming.physics.iterative.krylov import fgmres
 from fenics_forming.physics.iterative.products import product
+from fenics_forming.physics.settling import Settling
 from fenics_forming.simulation.run import Simulation
 
 
@@ -233,6 +234,25 @@ def test_the_settled_increment_closes_the_points_that_it_was_found_with():
     contact.respond(after, flow_stress=solver._sigma_nodes)
     for tool, before in zip(contact.tools, closed, strict=True):
         np.testing.assert_array_equal(tool.state.active, before)
+
+
+def test_a_point_that_closes_and_opens_for_its_friction_is_calmed():
+    """Opened, a point loses its friction, which closes it again, and so on for twenty iterations under a ball of 15 468
+    unknowns; each turn within an increment halves the share of the friction that comes or goes."""
+    _, body = pressed(4)
+    tool, = body.contact.tools
+    settling, v = Settling(body.workpiece), body.contact.facets.trace(body.workpiece.velocity)
+    state, point = tool.state, int(np.flatnonzero(tool.state.active)[0])
+    state.pace[:], state.grip[:], grips = 1.0, state.active, []
+    settling.begin()
+    for closed in (False, True, False):
+        now = state.active.copy()
+        now[point] = closed
+        settling._take_over(tool, now, v)
+        grips.append(state.grip[point])
+    assert grips == [0.0, 0.5, 0.375]
+    others = np.arange(len(state.grip)) != point
+    np.testing.assert_array_equal(state.grip[others], state.active[others])
 
 
 @pytest.mark.parametrize("factor", [1.0, 1000.0])
