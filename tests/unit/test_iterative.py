@@ -238,7 +238,8 @@ def test_the_settled_increment_closes_the_points_that_it_was_found_with():
 
 def test_a_point_that_closes_and_opens_for_its_friction_is_calmed():
     """Opened, a point loses its friction, which closes it again, and so on: ten iterations under a ball at 15 468
-    unknowns, twenty at 112 724, instead of seven and ten. Each turn within an increment halves the share of the friction that comes or goes."""
+    unknowns, twenty at 112 724, instead of seven and ten. Each turn within an increment halves the share of the
+    friction that comes or goes."""
     _, body = pressed(4)
     tool, = body.contact.tools
     settling, v = Settling(body.workpiece), body.contact.facets.trace(body.workpiece.velocity)
