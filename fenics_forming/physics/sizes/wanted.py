@@ -49,7 +49,8 @@ def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -
     mirror = on_mirror(body, mirrors)
     across, met = thickness(body.x, vertices, LAYERS[body.dim] * sizes.base)
     # the two walls of a lip or of a notch next to each other bound no section
-    lengths = np.linalg.norm(body.x[vertices[:, 1]] - body.x[vertices[:, 0]], axis=1)
+    # the longest of a facet: which of its vertices comes first depends on the number of ranks
+    lengths = np.linalg.norm(body.x[vertices] - body.x[np.roll(vertices, 1, axis=1)], axis=2).max(axis=1)
     if body.dim == 2:
         across[ways_around(vertices, lengths, met) < AROUND * across] = np.inf
     elif (met >= 0).any():
