@@ -20,7 +20,7 @@ SOFT = STEEL.replaced(yield_stress=100.0)
 
 
 def blocks(friction, *, kind="plane_stress", element="integration_point", cells=(4, 6), law=STEEL, height=10.0,
-           side_held=True, **numbers):
+           side_held=True, upper_law=None, pushed=0.04, **numbers):
     """Two blocks 20 x 20 (x 20) mm on one another, the lower one held at its foot, the upper one sideways at its top."""
     dim = 3 if kind == "3d" else 2
     low, high = (np.zeros(dim), np.full(dim, 20.0)), (np.zeros(dim), np.full(dim, 20.0))
@@ -34,7 +34,10 @@ def blocks(friction, *, kind="plane_stress", element="integration_point", cells=
     foot, top = side(mesh, dim - 1, 0.0), side(mesh, dim - 1, 2 * height)
     conditions = [FixedDisplacement(foot, i) for i in range(dim)]
     if side_held:
-        conditions += [FixedDisplacement(top, i, 0.04 if i == 0 else 0.0) for i in range(dim - 1)]
+        conditions += [FixedDisplacement(top, i, pushed if i == 0 else 0.0) for i in range(dim - 1)]
+    if upper_law is not None:
+        above = mesh.geometry.x[mesh.geometry.dofmap[:, : dim + 1], dim - 1].mean(axis=1) > height
+        law = [(upper_law, np.flatnonzero(above)), (law, np.flatnonzero(~above))]
     body = ToolBody(Nodes(mesh), kinematics=kind, material=law, held=conditions)
     return AssembledSolver(body, [PartContact(slave, master, friction=friction, element=element)], **numbers), foot, top
 
@@ -65,6 +68,23 @@ def test_block_that_is_pushed_along_needs_the_coefficient_times_its_load(kind, c
     contact = solver.contacts[0]
     assert abs(contact.force()[0]) == pytest.approx(force, rel=1e-4)
     assert abs(balance(solver)) < 1e-8
+
+
+@pytest.mark.parametrize("cells", [(4, 6), (6, 4)], ids=["upper_carries", "lower_carries"])
+@pytest.mark.parametrize("stiffer", ["upper", "lower"])
+def test_blocks_of_very_unequal_stiffness_slip_at_the_coefficient_times_their_load(stiffer, cells):
+    """One block is a hundredth as stiff: the penalty knows the stiffness of both surfaces, whichever carries the points."""
+    laws_ = [STEEL, STEEL.replaced(young=2100.0)]
+    upper, lower = laws_ if stiffer == "upper" else laws_[::-1]
+    solver, _, top = blocks(laws.Coulomb(coefficient=0.15), kind="plane_strain", cells=cells, law=lower, upper_law=upper,
+                            pushed=0.4)
+    spent = solver.solve([Pressure(top, 5)], held=0.0, steps=1)
+    for part in (0.1, 0.5, 1.0):
+        spent += solver.solve([Pressure(top, 5)], held=part, steps=2)
+    assert fields(solver).reaction(top)[0] == pytest.approx(15.0, rel=1e-3)
+    assert abs(balance(solver)) < 1e-3          # sides meet others while they slide
+    assert solver.relative_penetration() < 1e-4     # ten multipliers: with friction there are no more
+    assert spent < 200
 
 
 def test_pushed_back_block_holds_until_it_slips_the_other_way():

@@ -12,6 +12,7 @@ from ..parallel import highest, lowest, total
 from . import point_law as law
 from .bodies import BodyContact, everywhere
 from .holding import Hold, augmented, held_places, hold
+from .slave_points import SlavePoints
 from .surface_turn import BENT, Turned, turned_with
 
 STEEPEST = 1.0       # friction over pressure, at most, of laws that know no pressure: what opens lets go little by little
@@ -27,7 +28,8 @@ class PartContactField(BodyContact):
 
     Attributes
     ----------
-    coefficient : (carriers,) penalty, N/mm³ · holder : name of the part of the slave
+    coefficient, holding : (carriers,) penalty across the surface, and along it where points hold, N/mm³
+    holder : name of the part of the slave
     paired : (nodes, dim) mm, displacement at which points and sides were paired, None as the mesh lies
     friction_work, interference_work : mJ of this rank, done since the start by friction (a loss), and by the normal
         tractions (what an interference gives to the parts)
@@ -53,6 +55,26 @@ class PartContactField(BodyContact):
                           np.zeros(count, bool))
         self._carried = np.zeros((count, dim)), np.zeros((count, dim)), np.zeros((count, dim))
 
+    def set_penalty(self, stiffness: np.ndarray, factor: float) -> None:
+        """Penalties from the diagonal of the elastic stiffness, (nodes,) N/mm, of both surfaces per area. Collective.
+
+        Across the surface ``factor`` times the greater of the two, k_s and k_m: where the mesh is fine or the metal stiff
+        the surface is stiff.  Along it sqrt(k_s k_m): with the greater one parts of very unequal stiffness hold and slip by
+        turns, with the lesser one ten multipliers do not take out the give.
+        """
+        master = SlavePoints(self._master, self.points.kinematics, self.dim, self.element)
+        of_slave, of_master = (_per_area(points, self.nodes.x, stiffness) for points in (self.points, master))
+        of_slave = of_slave.repeat(self.points.per_side)
+        of_master = everywhere(self.nodes.comm, of_master)[self._found.facet]
+        self.coefficient, self.holding = (factor * self._mean_or_usual(of_both) for of_both in (
+            np.maximum(of_slave, of_master), np.sqrt(of_slave * of_master)))
+
+    def _mean_or_usual(self, at_points: np.ndarray) -> np.ndarray:
+        """Means over the carriers, (carriers,); of those over nothing yet, the mean of the others. Collective."""
+        found = np.where(self.weights > 0, self.mean(at_points), 0.0)
+        sums = total(self.nodes.comm, np.array([found.sum(), (found > 0).sum()]))
+        return np.where(found > 0, found, sums[0] / max(sums[1], 1.0))
+
     def respond(self, unknowns: PETSc.Vec, *, flow_stress: np.ndarray | None = None,
                 touching: float | None = None, same: bool = False, anew: bool = False) -> None:
         """Tractions on the slave and their tangents for the present displacements.
@@ -74,7 +96,7 @@ class PartContactField(BodyContact):
                 limit, rise = np.where(steep, STEEPEST * pressure, limit), np.where(steep, STEEPEST, rise)
             if touching is not None:
                 limit = np.where(closed & ~self._hold.slips, UNLIMITED, limit)      # what touches holds in the first guess
-            self._hold = hold(state, relative, limit, rise, stiffness=self.coefficient, penalty=self.coefficient,
+            self._hold = hold(state, relative, limit, rise, stiffness=self.holding, penalty=self.coefficient,
                               slips=self._hold.slips if same or anew else None, creep=self.creep)
             self.traction = self.traction + self._hold.traction
             self._tangent = self._tangent + self._hold.tangent
@@ -193,7 +215,7 @@ class PartContactField(BodyContact):
         self.friction_work -= 0.5 * float(np.einsum("pi,pi->", along + before_along, way))
         self._carried = across, along, self._relative
         if self.has_friction:
-            self.state.slip = held_places(self.state, self._hold, self.coefficient)
+            self.state.slip = held_places(self.state, self._hold, self.holding)
             self.state.friction_stress = np.where(self.state.active[:, None], self.state.friction_stress, 0.0)
 
     def augment(self) -> None:
@@ -229,3 +251,10 @@ class PartContactField(BodyContact):
     def works(self) -> np.ndarray:
         """Friction work and interference work of all ranks, (2,), mJ. Collective."""
         return total(self.nodes.comm, np.array([self.friction_work, self.interference_work]))
+
+
+def _per_area(points: SlavePoints, x: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Mean stiffness of the nodes of every side over its surface, (sides,) N/mm³."""
+    shape = len(points.sides), points.per_side
+    at_points, surface = points.trace(stiffness).reshape(shape), points.surface(x)[0].reshape(shape)
+    return np.einsum("fq,fq->f", at_points, surface) / surface.sum(axis=1) ** 2

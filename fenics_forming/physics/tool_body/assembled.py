@@ -99,7 +99,7 @@ class AssembledSolver(PlasticSolver):
         for contact, given in zip(self.contacts, contacts, strict=True):
             contact.holder = given.holder
             contact.search(body.nodes.x, 1.0)
-            contact.coefficient = penalty_factor * self._per_area(contact, stiffness)
+            contact.set_penalty(stiffness, penalty_factor)
             contact.begin()
             contact.declare(given.interference)
         self._given = contacts
@@ -127,17 +127,6 @@ class AssembledSolver(PlasticSolver):
         matrix = fem_petsc.assemble_matrix(self.factor.form)
         matrix.assemble()
         return self.body.nodal_forces(matrix.getDiagonal()).mean(axis=1)
-
-    def _per_area(self, contact: PartContactField, stiffness: np.ndarray) -> np.ndarray:
-        """Stiffness of the nodes of a side over its surface, mean over the sides of a carrier, (carriers,), N/mm³: where
-        the mesh is fine the surface is stiff."""
-        shape = len(contact.points.sides), contact.points.per_side
-        at_points, weights = contact.points.trace(stiffness).reshape(shape), contact.point_weights.reshape(shape)
-        surface = weights.sum(axis=1)
-        of_side = np.einsum("fq,fq->f", at_points, weights) / surface**2
-        found = np.where(contact.weights > 0, contact.mean(of_side.repeat(shape[1])), 0.0)
-        sums = total(self.body.nodes.comm, np.array([found.sum(), (found > 0).sum()]))
-        return np.where(found > 0, found, sums[0] / max(sums[1], 1.0))      # of those over nothing yet: the mean
 
     def solve(self, loads=(), *, held: float = 1.0, steps: int | None = None) -> int:
         """See `PlasticSolver.solve`; then the penetration is taken out under the same loads."""
