@@ -139,7 +139,7 @@ class FlowSolver:
         self.system.follow()
         rate = self._start(task, ratio, cold)
         force = self._resultants()
-        lifting, force_change = not self._satisfied(), 0.0
+        lifting, force_change, velocity_change = not self._satisfied(), 0.0, 0.0
         renews, beside = settings.augmented and body.mass is not None and contact is not None, np.inf
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
@@ -153,14 +153,17 @@ class FlowSolver:
             if self.border is not None:
                 self.border.advance(share)
             rate = self._advance(task, rate, ratio, first=cold and iteration == 1)
-            velocity_change = self._relative_change()
+            last, velocity_change = velocity_change, self._relative_change()
             if not np.isfinite(velocity_change):
                 raise ConvergenceError(f"the velocities became infinite in iteration {iteration}")
             before, force = force, self._respond(ratio, iteration)
             last_change, force_change = force_change, _relative(force, before)
             # the forces of the first guess, of points that are not settled, say nothing of how fast changes shrink
             left = force_change if iteration == 2 and self.system.settles else _left(force_change, last_change)
-            settled = velocity_change < settings.velocity_tolerance and left < settings.force_tolerance
+            # where points are settled changes shrink evenly: what is left of a last one is half of it, or less
+            evenly = self.system.settles and share == 1.0
+            moving = min(velocity_change, 2.0 * _left(velocity_change, last)) if evenly else velocity_change
+            settled = moving < settings.velocity_tolerance and left < settings.force_tolerance
             if settled and iteration > 1 + 2 * cold and self._power_imbalance() < settings.power_tolerance and \
                     self._net_force() <= UNBALANCED * settings.force_tolerance * self._size_of(force):
                 before_last, beside = beside, contact.gives_way(body.mass.total_per_step()) if renews else 0.0

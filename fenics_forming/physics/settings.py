@@ -15,7 +15,7 @@ class NewtonSettings:
         costs about 1e-4 of the force
     slip_regularisation : the same for the slip, relative to the speed of the tools
     velocity_tolerance, force_tolerance : stop when the relative change of the velocities *and* of the contact forces
-        falls below these
+        falls below these; by iterations, whose contact is settled, also when less than half of it is left to come
     power_tolerance : and when the power that does not balance is less than this part of the plastic power
     max_iterations : a solve that needs more has failed
     linear : "direct", "iterative" (in space only), or "auto": iterative in space where that is faster

@@ -17,7 +17,6 @@ from .krylov import fgmres
 from .multigrid import TwoLevels
 from .pattern import Incidence, Pattern
 from .pressure_block import Divergence, PressureMass
-from .products import apply_blocks
 from .sharing import Shared
 from .velocity_block import VelocityBlock
 
@@ -180,7 +179,7 @@ class IterativeSystem:
             if the residual does not fall below the tolerance.
         """
         self.block.prepare_smoother()
-        self._lighter, self._heavier = self.block.without(self._of_contact)
+        self._near, self._lighter, self._heavier = self.block.without(self._of_contact)
         self.coarse.prepare(again=again)
         if not again:
             self.mass.prepare()
@@ -228,11 +227,11 @@ class IterativeSystem:
         return np.concatenate([v[: self._nodes.owned].ravel(), self._scale * q[: self._vertices.owned]])
 
     def _measured(self, r: np.ndarray, *, back: bool = False) -> np.ndarray:
-        """A residual as it is measured: by the forces that its velocities would need without contact. A penalty that is
-        stiff against the body would let the rest of a residual look small, and leave tractions as wrong as it is stiff."""
+        """A residual as it is measured: by its energy, in the metric of the body without contact. A penalty that is stiff
+        against the body would let the rest of a residual look small, and leave tractions as wrong as it is stiff."""
         y = r.copy()
-        apply_blocks(self._heavier if back else self._lighter, r[: self._split].reshape(-1, 3),
-                     y[: self._split].reshape(-1, 3))
+        forces = y[: self._split].reshape(-1, 3)
+        forces[self._near] = np.matmul(self._heavier if back else self._lighter, forces[self._near, :, None])[:, :, 0]
         return y
 
     def _times(self, z: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ WEIGHTS = {1: (1.125,), 2: (1.02387287570313, 1.26408905371085),
            4: (1.00391310427285, 1.04035811188593, 1.14863498546254, 1.38268869241000),
            6: (1.00128517255940, 1.01304293035233, 1.04678215124113, 1.11616489419675, 1.23829020218444, 1.43524297106744)}
 LARGER = 1.1        # than a few power iterations say is the largest eigenvalue
+LEAST_SHARE = 1e-12   # of the energy of a residual that is measured
 FIRST, LATER = 10, 3     # power iterations: of the first matrix, and of one that follows another
 
 
@@ -82,10 +83,10 @@ class VelocityBlock:
         ConvergenceError
             where a block is singular, as it is where velocities of an iteration are beyond all measure.
         """
-        blocks = self.diagonal.copy()
+        blocks = self._whole = self.diagonal.copy()
         for other in self.others:
             other.add_diagonal(blocks)
-        self._inverse[:] = self._inverted(self._of_free(blocks)).reshape(-1, 9)
+        self._inverse[:] = self._inverted(self._of_free(blocks.copy())).reshape(-1, 9)
         x = self._direction * self.free
         y, z = np.empty_like(x), np.empty_like(x)
         for _ in range(FIRST if self.largest == 0.0 else LATER):
@@ -105,13 +106,32 @@ class VelocityBlock:
         blocks[rows, axes, axes] = 1.0
         return blocks
 
-    def without(self, more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What takes forces on the owned nodes to those that the matrix without ``more`` (nodes, 9) on its diagonal needs
-        for the same velocities, node by node, and back, (owned, 9) each. Collective."""
-        owned = slice(self.shared.owned)
-        less = self._of_free(self.diagonal - more)[owned]
-        there = np.matmul(less, self._inverse[owned].reshape(-1, 3, 3))
-        return there.reshape(-1, 9), np.linalg.inv(there).reshape(-1, 9)
+    def without(self, more: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        r"""How a residual is measured as if ``more`` (nodes, 9) and the further operators were not on the diagonal.
+
+        With the block B of a node alone, and A with all of them, the energy :math:`r\cdot A^{-1}r` of a residual is that of
+        :math:`Sr` in B, for :math:`S=(BA^{-1})^{1/2}`. Returns the owned nodes (near,) where A is not B, and S and its
+        inverse there, (near, 3, 3). Collective.
+
+        Raises
+        ------
+        ConvergenceError
+            where a block is not positive.
+        """
+        alone = self.diagonal - more
+        near = np.flatnonzero(self.shared.add_for_all(self._whole - alone)[: self.shared.owned].any(axis=1))
+        alone = self._of_free(alone)[near]
+        try:
+            root, failed = np.linalg.cholesky(self._inverse[near].reshape(-1, 3, 3)), 0.0
+        except np.linalg.LinAlgError:
+            root, failed = alone, 1.0
+        if highest(self.shared.comm, failed) > 0:
+            raise ConvergenceError("a node has no stiffness against the rest")
+        across = root.swapaxes(1, 2)
+        squares, axes = np.linalg.eigh(across @ alone @ root)
+        shares = np.sqrt(np.maximum(squares, LEAST_SHARE))[:, None, :]
+        there, back = np.linalg.inv(across) @ axes, axes.swapaxes(1, 2) @ across
+        return near, (there * shares) @ back, (there / shares) @ back
 
     def _inverted(self, blocks: np.ndarray) -> np.ndarray:
         try:
