@@ -18,3 +18,11 @@ def exterior_facets(mesh: dmesh.Mesh) -> np.ndarray:
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     return dmesh.exterior_facet_indices(mesh.topology)
+
+
+def mean_lengths(corners: np.ndarray) -> np.ndarray:
+    """Mean length of the edges of each side by its vertices (f, dim, dim), mm, (f,).
+
+    Of a triangle all three count: which of its vertices comes first in a submesh depends on the number of ranks.
+    """
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)

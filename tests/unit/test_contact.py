@@ -479,12 +479,14 @@ TWO_RANKS = """
     from fenics_forming.physics.contact.facets import ContactFacets
     from fenics_forming.physics.nodes import Nodes
     cube, square = meshing.box((0, 0, 0), (1, 1, 1), (2, 2, 2)), meshing.rectangle((1, 0), (2, 1), (4, 4))
-    for kind, mesh, area in (("axisymmetric", square, 12 * np.pi), ("3d", cube, 6.0)):
+    # halves of squares of 1/2, sides of 1/4
+    for kind, mesh, area, size in (("axisymmetric", square, 12 * np.pi, 0.25), ("3d", cube, 6.0, (1 + 0.5**0.5) / 3)):
         nodes = Nodes(mesh)
         facets = ContactFacets(nodes, kinematics.KINDS[kind], meshing.exterior_facets(mesh))
         weights = facets.weights()
         found = facets.integral(weights[:, None])[0]
         assert abs(found / area - 1) < 1e-12, (kind, found)
+        assert abs(facets.size() / size - 1) < 1e-12, (kind, facets.size())
         assert abs(facets.integral((facets.smooth(weights, weights) * weights)[:, None])[0]
                    / facets.integral((weights**2)[:, None])[0] - 1) < 1e-12
         x = nodes.x - nodes.extents()[0]

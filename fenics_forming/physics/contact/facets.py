@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from ..facets import mean_lengths
 from ..kinematics import Kinematics
 from ..machine_code import compiled
 from ..nodes import Nodes
@@ -125,8 +126,7 @@ class ContactFacets:
 
     def size(self) -> float:
         """Mean length of a side of the contact facets, mm."""
-        x = self._nodes.x[self.facet_nodes[:, : self.dim]]
-        lengths = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+        lengths = mean_lengths(self._nodes.x[self.facet_nodes[:, : self.dim]])
         sums = total(self._nodes.comm, np.array([lengths.sum(), len(lengths)]))
         return float(sums[0] / max(sums[1], 1.0))
 

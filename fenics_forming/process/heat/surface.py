@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...laws.heat_exchange import HeatExchange, NoExchange
+from ...physics.facets import mean_lengths
 from ...physics.thermal.bed import Bed
 from ...physics.thermal.network import Radiation, Surroundings
 from ...physics.thermal.pairing import dense_points, normals_of
@@ -158,7 +159,7 @@ class _Sides:
 
     def __init__(self, x: np.ndarray):
         self.normals = normals_of(x)
-        self.length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+        self.length = mean_lengths(x[:, : x.shape[2]])
 
     def gap(self, tool, points: np.ndarray) -> np.ndarray:
         """Distances (f, q) of points (f, q, dim) of the sides from a tool, mm; inf where they do not lie on it."""
