@@ -27,6 +27,7 @@ class DirectSystem:
     """
 
     kind, settles = "direct", False
+    stands = False      # see ``WithFallback.stands``
     changes: FewPoints | None = None     # which points have closed and opened since the factorisation
 
     def __init__(self, workpiece: Workpiece):

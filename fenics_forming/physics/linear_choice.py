@@ -77,6 +77,12 @@ class WithFallback:
         if self._settling is not None and self._last is self.iterative:
             self._settling.settle(self, b, solve, border)
 
+    @property
+    def stands(self) -> bool:
+        """Whether the last solve found the increment before right but for an iteration: what has closed or opened since
+        is less than the tolerance of a solve."""
+        return self._last is self.iterative and self.iterative.iterations <= 1
+
     def follow_contact(self) -> None:
         """Take over the tangents of contact anew."""
         self.iterative.follow_contact()

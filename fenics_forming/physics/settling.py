@@ -43,6 +43,8 @@ class Settling:
             self._add_forces(b, change)
             system.follow_contact()
             solve(b)
+            if system.stands:
+                return
 
     def begin(self) -> None:
         """No point has closed or opened yet."""

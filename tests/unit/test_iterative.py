@@ -11,7 +11,7 @@ from fenics_forming.physics import linear_choice
 from fenics_forming.physics.direct import DirectSystem
 from fenics_forming.physics.iterative.aggregates import blended, groups_of
 from fenics_forming.physics.iterative.krylov import fgmres
-from fenics_forming.physics.iterative.products import product
+from fenics_forming.physics.iterative.products import invert_blocks, product
 from fenics_forming.physics.settling import Settling
 from fenics_forming.simulation.run import Simulation
 
@@ -350,3 +350,13 @@ def test_krylov_that_meets_infinities_is_a_failure_not_a_solution():
     from mpi4py import MPI
     found = fgmres(MPI.COMM_SELF, lambda x: x * np.nan, lambda x: x, np.ones(3), tolerance=1e-2, most=5)
     assert not found.reduction <= 1e-2
+
+
+def test_blocks_are_inverted_or_found_singular():
+    blocks = np.random.default_rng(3).standard_normal((20, 3, 3))
+    blocks[3] *= 1e-60      # in any unit
+    out = np.empty((20, 9))
+    assert invert_blocks(blocks.reshape(-1, 9), out)
+    np.testing.assert_allclose(out.reshape(-1, 3, 3) @ blocks, np.tile(np.eye(3), (20, 1, 1)), atol=1e-10)
+    blocks[7] = 0.0
+    assert not invert_blocks(blocks.reshape(-1, 9), out)

@@ -86,3 +86,21 @@ def apply_blocks(blocks, x, y):
         y[i, 0] = d[0] * x0 + d[1] * x1 + d[2] * x2
         y[i, 1] = d[3] * x0 + d[4] * x1 + d[5] * x2
         y[i, 2] = d[6] * x0 + d[7] * x1 + d[8] * x2
+
+
+@compiled
+def invert_blocks(blocks, out):
+    """The inverses (n, 9) of blocks of 3 x 3, (n, 9), into ``out``; whether there are all of them."""
+    regular = True
+    for i in range(len(blocks)):
+        a, b = blocks[i], out[i]
+        b[0], b[3], b[6] = a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6]
+        determinant = a[0] * b[0] + a[1] * b[3] + a[2] * b[6]
+        if not abs(determinant) > 0:
+            regular = False
+            continue
+        b[1], b[4], b[7] = a[2] * a[7] - a[1] * a[8], a[0] * a[8] - a[2] * a[6], a[1] * a[6] - a[0] * a[7]
+        b[2], b[5], b[8] = a[1] * a[5] - a[2] * a[4], a[2] * a[3] - a[0] * a[5], a[0] * a[4] - a[1] * a[3]
+        for k in range(9):
+            b[k] /= determinant
+    return regular

@@ -178,7 +178,7 @@ class IterativeSystem:
         ConvergenceError
             if the residual does not fall below the tolerance.
         """
-        self.block.prepare_smoother()
+        self.block.prepare_smoother(again=again)
         self._near, self._lighter, self._heavier = self.block.without(self._of_contact)
         self.coarse.prepare(again=again)
         if not again:

@@ -7,7 +7,7 @@ import numpy as np
 from ...errors import ConvergenceError
 from ..parallel import highest
 from .pattern import Pattern
-from .products import apply_blocks, product
+from .products import apply_blocks, invert_blocks, product
 from .sharing import Shared
 
 # Best polynomials of the fourth kind for a given number of products (J. Lottes, Numer. Lin. Alg. Appl. 2023, table 1).
@@ -17,7 +17,7 @@ WEIGHTS = {1: (1.125,), 2: (1.02387287570313, 1.26408905371085),
            6: (1.00128517255940, 1.01304293035233, 1.04678215124113, 1.11616489419675, 1.23829020218444, 1.43524297106744)}
 LARGER = 1.1        # than a few power iterations say is the largest eigenvalue
 LEAST_SHARE = 1e-12   # of the energy of a residual that is measured
-FIRST, LATER = 10, 3     # power iterations: of the first matrix, and of one that follows another
+FIRST, LATER, AGAIN = 10, 3, 1      # power iterations: of the first matrix, of one that follows, of new contact
 
 
 class VelocityBlock:
@@ -75,8 +75,9 @@ class VelocityBlock:
         return np.where(self.free > 0, self.shared.add_for_all(blocks[:, ::4].copy()), 1.0)
 
     # ------------------------------------------------------------------ smoother
-    def prepare_smoother(self) -> None:
-        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue. Collective.
+    def prepare_smoother(self, *, again: bool = False) -> None:
+        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue; ``again`` where only contact
+        has changed. Collective.
 
         Raises
         ------
@@ -86,10 +87,10 @@ class VelocityBlock:
         blocks = self._whole = self.diagonal.copy()
         for other in self.others:
             other.add_diagonal(blocks)
-        self._inverse[:] = self._inverted(self._of_free(blocks.copy())).reshape(-1, 9)
+        self._invert(self._of_free(blocks.copy()))
         x = self._direction * self.free
         y, z = np.empty_like(x), np.empty_like(x)
-        for _ in range(FIRST if self.largest == 0.0 else LATER):
+        for _ in range(FIRST if self.largest == 0.0 else AGAIN if again else LATER):
             x /= self._norm(x)
             self.free_times(x, y)
             apply_blocks(self._inverse, y, z)
@@ -133,14 +134,10 @@ class VelocityBlock:
         there, back = np.linalg.inv(across) @ axes, axes.swapaxes(1, 2) @ across
         return near, (there * shares) @ back, (there / shares) @ back
 
-    def _inverted(self, blocks: np.ndarray) -> np.ndarray:
-        try:
-            inverse, singular = np.linalg.inv(blocks), 0.0
-        except np.linalg.LinAlgError:
-            inverse, singular = blocks, 1.0
-        if highest(self.shared.comm, singular) > 0:
+    def _invert(self, blocks: np.ndarray) -> None:
+        regular = invert_blocks(blocks.reshape(-1, 9), self._inverse)
+        if highest(self.shared.comm, float(not regular)) > 0:
             raise ConvergenceError("a node has no stiffness against the rest")
-        return inverse
 
     def _norm(self, x: np.ndarray) -> float:
         mine = x[: self.shared.owned].ravel()
