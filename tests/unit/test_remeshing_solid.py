@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scipy.spatial.transform import Rotation
 
 from fenics_forming.errors import MeshError
 from fenics_forming.physics import meshing
@@ -222,3 +223,17 @@ def test_closest_points_of_curved_facets_and_edges():
     t = edge.closest(np.array([[0.3, 0.5, 0.4]]))[0]
     assert t[2] == pytest.approx(t[0]**2, abs=1e-14)
     assert (0.3 - t[0]) + 2 * t[0] * (0.4 - t[2]) == pytest.approx(0, abs=1e-12)
+
+
+def test_rounding_does_not_decide_between_facets_that_meet_at_an_edge():
+    """Above the edge of a roof the flat pieces on both sides are equally near, and the closest places on their bulging
+    facets differ: which of them is taken must not hang on the last digit, which depends on the number of ranks."""
+    x = np.array([[0, 0, 0], [1, 0, 0], [0.4, 1, -0.9], [0.6, -1, -0.8]])
+    bulge = np.array([[0, 0, 0.25], [0, 0, 0.25], [0, 0, 0]])
+    roof = np.stack([np.concatenate([x[[0, 1, top]], 0.5 * (x[[1, 0, 0]] + x[[top, top, 1]]) + bulge]) for top in (2, 3)])
+    points = np.column_stack([np.linspace(0.3, 0.7, 41), np.zeros(41), np.full(41, 0.1)])
+    turn = Rotation.from_rotvec([0.3, 0.5, 0.7]).as_matrix().T       # along the axes both are as near to the last digit
+    noise = 1e-13 * np.random.default_rng(1).standard_normal((9, *points.shape))
+    found = np.array([Facets(roof @ turn).closest(points @ turn + shift) for shift in noise])
+    assert np.linalg.norm(found - points @ turn, axis=2).max() < 0.1, "nearer than the edge: on a facet"
+    assert np.ptp(found, axis=0).max() < 1e-11          # 0.02 where rounding decides

@@ -155,7 +155,7 @@ def _closest_on_triangle(t, i, x, c):
 
 
 @_compile
-def nearest_triangles(triangles, order, boxes, points, within=np.inf):
+def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0):
     """Nearest triangle of every point.
 
     Parameters
@@ -167,6 +167,8 @@ def nearest_triangles(triangles, order, boxes, points, within=np.inf):
     points : array (n, 3)
     within : float
         Squared distance beyond which nothing is looked for.
+    slack : float
+        Of the squared distance: among triangles that are as near but for that, the one of the lowest number is taken.
 
     Returns
     -------
@@ -185,17 +187,18 @@ def nearest_triangles(triangles, order, boxes, points, within=np.inf):
         stack[0, 0], stack[0, 1], stack[0, 2], reach[0], top = 0, 0, len(order), 0.0, 1
         while top > 0:
             top -= 1
-            if reach[top] >= best:
+            if reach[top] >= best * (1 + slack):
                 continue
             node, lo, hi = stack[top, 0], stack[top, 1], stack[top, 2]
             if node < leaves:
-                top = _push_children(boxes, node, lo, hi, x, best, stack, reach, top)
+                top = _push_children(boxes, node, lo, hi, x, best * (1 + slack), stack, reach, top)
                 continue
             for i in range(lo, hi):
                 kind = _closest_on_triangle(triangles, i, x, c)
                 distance2 = (x[0] - c[0]) ** 2 + (x[1] - c[1]) ** 2 + (x[2] - c[2]) ** 2
-                if distance2 < best:
-                    best, nearest[p], feature[p] = distance2, order[i], kind
+                alike = slack > 0 and nearest[p] > order[i] and distance2 <= best * (1 + slack)
+                if distance2 < best * (1 - slack) or alike:
+                    best, nearest[p], feature[p] = min(best, distance2), order[i], kind
                     closest[p, 0], closest[p, 1], closest[p, 2] = c[0], c[1], c[2]
     return nearest, feature, closest
 

@@ -14,6 +14,9 @@ PIECES = 4              # pieces along a side of a facet: their sagitta is 1/16 
 ITERATIONS = 30
 SMALL = 1e-14           # of the parameter: rounding
 ROUNDING = 1e-9         # of the square of the distance, which is flat at its minimum
+# Of that square too: flat pieces so alike are equally near. Beside a common edge of two they are but for rounding, which
+# differs between numbers of ranks; and the nearest places on their curved facets are not the same.
+ALIKE = 1e-6
 
 
 class Facets:
@@ -31,7 +34,7 @@ class Facets:
     def closest(self, points: np.ndarray) -> np.ndarray:
         """Closest points (n, 3) of the points (n, 3), mm."""
         points = np.ascontiguousarray(points, float)
-        piece, _, foot = nearest_triangles(*self._tree, points)
+        piece, _, foot = nearest_triangles(*self._tree, points, np.inf, ALIKE)
         facet, part = np.divmod(piece, len(self._starts))
         start = np.einsum("ni,nik->nk", _barycentric(self._flat[piece], foot), self._starts[part])
         return _newton_facets(self.nodes, facet, start, points)
@@ -53,7 +56,7 @@ class Curves:
     def closest(self, points: np.ndarray) -> np.ndarray:
         """Closest points (n, 3) of the points (n, 3), mm."""
         points = np.ascontiguousarray(points, float)
-        piece, _, _ = nearest_triangles(*self._tree, points)
+        piece, _, _ = nearest_triangles(*self._tree, points, np.inf, ALIKE)
         edge, part = np.divmod(piece, self._count)
         return _newton_curves(self.nodes, edge, (part + 0.5) / self._count, points)
 
