@@ -49,7 +49,7 @@ class CoarseSolver:
         if not again:
             for other in self.block.others:
                 other.prepare()
-        self.block.prepare_smoother(again=again)
+        self.block.prepare_smoother()
         if not again:
             self.groups.prepare(self._x)
 

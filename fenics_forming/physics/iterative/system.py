@@ -178,7 +178,7 @@ class IterativeSystem:
         ConvergenceError
             if the residual does not fall below the tolerance.
         """
-        self.block.prepare_smoother(again=again)
+        self.block.prepare_smoother()
         self._near, self._lighter, self._heavier = self.block.without(self._of_contact)
         self.coarse.prepare(again=again)
         if not again:
@@ -227,8 +227,8 @@ class IterativeSystem:
         return np.concatenate([v[: self._nodes.owned].ravel(), self._scale * q[: self._vertices.owned]])
 
     def _measured(self, r: np.ndarray, *, back: bool = False) -> np.ndarray:
-        """A residual as it is measured: by its energy, in the metric of the body without contact. A penalty that is stiff
-        against the body would let the rest of a residual look small, and leave tractions as wrong as it is stiff."""
+        """A residual as it is measured: by the forces that its velocities would need without contact. A penalty that is
+        stiff against the body would let the rest of a residual look small, and leave tractions as wrong as it is stiff."""
         y = r.copy()
         forces = y[: self._split].reshape(-1, 3)
         forces[self._near] = np.matmul(self._heavier if back else self._lighter, forces[self._near, :, None])[:, :, 0]

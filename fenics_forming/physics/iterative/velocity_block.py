@@ -16,8 +16,7 @@ WEIGHTS = {1: (1.125,), 2: (1.02387287570313, 1.26408905371085),
            4: (1.00391310427285, 1.04035811188593, 1.14863498546254, 1.38268869241000),
            6: (1.00128517255940, 1.01304293035233, 1.04678215124113, 1.11616489419675, 1.23829020218444, 1.43524297106744)}
 LARGER = 1.1        # than a few power iterations say is the largest eigenvalue
-LEAST_SHARE = 1e-12   # of the energy of a residual that is measured
-FIRST, LATER, AGAIN = 10, 3, 1      # power iterations: of the first matrix, of one that follows, of new contact
+FIRST, LATER = 10, 3     # power iterations: of the first matrix, and of one that follows another
 
 
 class VelocityBlock:
@@ -75,9 +74,8 @@ class VelocityBlock:
         return np.where(self.free > 0, self.shared.add_for_all(blocks[:, ::4].copy()), 1.0)
 
     # ------------------------------------------------------------------ smoother
-    def prepare_smoother(self, *, again: bool = False) -> None:
-        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue; ``again`` where only contact
-        has changed. Collective.
+    def prepare_smoother(self) -> None:
+        """Invert the diagonal blocks of the free velocities and find the largest eigenvalue. Collective.
 
         Raises
         ------
@@ -90,7 +88,7 @@ class VelocityBlock:
         self._invert(self._of_free(blocks.copy()))
         x = self._direction * self.free
         y, z = np.empty_like(x), np.empty_like(x)
-        for _ in range(FIRST if self.largest == 0.0 else AGAIN if again else LATER):
+        for _ in range(FIRST if self.largest == 0.0 else LATER):
             x /= self._norm(x)
             self.free_times(x, y)
             apply_blocks(self._inverse, y, z)
@@ -108,31 +106,13 @@ class VelocityBlock:
         return blocks
 
     def without(self, more: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        r"""How a residual is measured as if ``more`` (nodes, 9) and the further operators were not on the diagonal.
-
-        With the block B of a node alone, and A with all of them, the energy :math:`r\cdot A^{-1}r` of a residual is that of
-        :math:`Sr` in B, for :math:`S=(BA^{-1})^{1/2}`. Returns the owned nodes (near,) where A is not B, and S and its
-        inverse there, (near, 3, 3). Collective.
-
-        Raises
-        ------
-        ConvergenceError
-            where a block is not positive.
-        """
+        """What takes forces on nodes to those that the matrix without ``more`` (nodes, 9) and without the further operators
+        on its diagonal needs for the same velocities, node by node: the owned nodes (near,) where that is not the same, and
+        the blocks there and back, (near, 3, 3) each. Collective."""
         alone = self.diagonal - more
         near = np.flatnonzero(self.shared.add_for_all(self._whole - alone)[: self.shared.owned].any(axis=1))
-        alone = self._of_free(alone)[near]
-        try:
-            root, failed = np.linalg.cholesky(self._inverse[near].reshape(-1, 3, 3)), 0.0
-        except np.linalg.LinAlgError:
-            root, failed = alone, 1.0
-        if highest(self.shared.comm, failed) > 0:
-            raise ConvergenceError("a node has no stiffness against the rest")
-        across = root.swapaxes(1, 2)
-        squares, axes = np.linalg.eigh(across @ alone @ root)
-        shares = np.sqrt(np.maximum(squares, LEAST_SHARE))[:, None, :]
-        there, back = np.linalg.inv(across) @ axes, axes.swapaxes(1, 2) @ across
-        return near, (there * shares) @ back, (there / shares) @ back
+        there = self._of_free(alone)[near] @ self._inverse[near].reshape(-1, 3, 3)
+        return near, there, np.linalg.inv(there)
 
     def _invert(self, blocks: np.ndarray) -> None:
         regular = invert_blocks(blocks.reshape(-1, 9), self._inverse)
