@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .locating_kernels import ROUND_OFF, clipped, curved_walks, distances, means, on_facets, walks
+from .locating_kernels import ROUND_OFF, across_mids, clipped, curved_walks, distances, means, on_facets, walks
 from .nodes import EDGES, keys, quadratic_shapes
 
 CANDIDATES = 8        # cells from which a point that ended at the boundary starts again
@@ -70,6 +70,8 @@ class Locator:
     @cached_property
     def neighbours(self) -> np.ndarray:
         """(m, dim + 1) the cell across the facet opposite to each vertex; -1 on the boundary."""
+        if self.dim == 2:
+            return across_mids(self.cells[:, 3:], len(self.x))
         sides = np.stack([np.delete(self.vertices, i, axis=1) for i in range(self.dim + 1)], axis=1)
         key = keys(sides.reshape(-1, self.dim), len(self.x))
         order = np.argsort(key)

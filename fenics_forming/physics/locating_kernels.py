@@ -15,6 +15,21 @@ TINY = 1e-150         # a determinant below: the cell is flat, and just holds no
 
 
 @compiled
+def across_mids(mids, count):
+    """The cell across each side of plane cells with mid-nodes (m, 3), of ``count`` nodes; -1 on the boundary, (m, 3)."""
+    across, first = np.full(mids.shape, -1), np.full(count, -1)
+    for cell in range(len(mids)):
+        for side in range(3):
+            mid = mids[cell, side]
+            if first[mid] < 0:
+                first[mid] = 3 * cell + side
+            else:
+                across[cell, side] = first[mid] // 3
+                across[first[mid] // 3, first[mid] % 3] = cell
+    return across
+
+
+@compiled
 def in_straight(origin, gradients, cell, point, inner):
     """Barycentric coordinates of a point in a straight cell, put into ``inner``; the least of them."""
     inner[0] = 1.0
@@ -154,13 +169,12 @@ def solved(matrix, right, out):
 
 @compiled
 def newton(x, nodes, edges, point, inner, work):
-    """Coordinates of a point in a curved cell, however far outside, in place; ``work`` (dim + 4, dim) is overwritten.
+    """Coordinates of a point in a curved cell, however far outside, in place; ``work`` (2 dim + 4, dim) is overwritten.
 
     Newton steps are repeated until they are negligible.
     """
     dim = len(point)
-    place, right, step, slope = work[0], work[1], work[2], work[3:]
-    matrix = np.empty((dim, dim))
+    place, right, step, slope, matrix = work[0], work[1], work[2], work[3:dim + 4], work[dim + 4:]
     for _ in range(TURNS):
         map_at(x, nodes, edges, inner, place, slope)
         for i in range(dim):
@@ -187,7 +201,7 @@ def curved_walks(x, cells, edges, origin, gradients, neighbours, points, start, 
     coordinates in the start cells; those that are returned are negative outside of the mesh.
     """
     ends, inner = start.astype(np.int64), inner.copy()
-    work = np.empty((points.shape[1] + 4, points.shape[1]))
+    work = np.empty((2 * points.shape[1] + 4, points.shape[1]))
     for p in range(len(points)):
         for _ in range(TURNS):
             clip(inner[p])

@@ -17,17 +17,18 @@ def turned(x: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> np.ndarra
 
     x : (n, 2); triangles : (m, 3), counter-clockwise; sides : (f, 2) vertices of the boundary, body on the left
     """
-    edges = np.stack([np.roll(triangles, -1 - k, axis=1)[:, :2] for k in range(3)], axis=1)   # opposite to vertex k
+    edges = triangles[:, [[1, 2], [2, 0], [0, 1]]]               # opposite to vertex k
     key = keys(edges.reshape(-1, 2), len(x)).reshape(-1, 3)
     following = np.full(len(x), -1)
     following[sides[:, 0]] = sides[:, 1]
     outside = following[edges[..., 0]] == edges[..., 1]
-    cell = np.flatnonzero(outside.sum(axis=1) == 2)
+    twice = outside.sum(axis=1) == 2
+    cell = np.flatnonzero(twice)
     inner = np.argmin(outside[cell], axis=1)
     corner, (a, b) = triangles[cell, inner], edges[cell, inner].T
 
     # the neighbour across the inner edge, and its vertex opposite
-    flat = np.where((outside.sum(axis=1) == 2)[:, None], -1, key).ravel()
+    flat = np.where(twice[:, None], -1, key).ravel()
     order = np.flatnonzero(np.isin(flat, key[cell, inner]))
     if len(order) == 0:
         return triangles

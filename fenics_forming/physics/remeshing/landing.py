@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .body_arrays import following, preceding
+
 
 @dataclass(frozen=True)
 class Landing:
@@ -48,8 +50,8 @@ def _on_tool(x, loop, labels, label, gap, landing):
     low = np.abs(height) <= landing.height(x[knots])
     at = x[knots] - height[:, None] * normal
     along = np.stack([normal[:, 1], -normal[:, 0]], axis=1)           # the way on which the body lies on the left
-    forward = ((np.roll(at, -1, axis=0) - at) * along).sum(axis=1) > 0.0
-    free = (half == 0) & low & np.roll(low, -1) & forward
+    forward = ((following(at) - at) * along).sum(axis=1) > 0.0
+    free = (half == 0) & low & following(low) & forward
     held = (half == label)
     taken = held | _joined(free, held, np.abs(height) <= landing.touching)
     keep = np.ones(len(knots), dtype=bool)
@@ -68,8 +70,8 @@ def _on_tool(x, loop, labels, label, gap, landing):
 def _landed_ends(taken, held) -> list[tuple[int, int]]:
     """Knots at which what has newly landed ends, and the step, 1 or -1, to the next knot outside."""
     new, count = taken & ~held, len(taken)
-    return [((k + 1) % count, 1) for k in np.flatnonzero(new & ~np.roll(taken, -1)).tolist()] + \
-        [(k, -1) for k in np.flatnonzero(new & ~np.roll(taken, 1)).tolist()]
+    return [((k + 1) % count, 1) for k in np.flatnonzero(new & ~following(taken)).tolist()] + \
+        [(k, -1) for k in np.flatnonzero(new & ~preceding(taken)).tolist()]
 
 
 def _undercut(x, edge_at, along, free, edge, step, mouth) -> list[int]:
@@ -88,9 +90,9 @@ def _undercut(x, edge_at, along, free, edge, step, mouth) -> list[int]:
 
 def _joined(free: np.ndarray, held: np.ndarray, touching: np.ndarray) -> np.ndarray:
     """The runs of free half sides that follow or precede a held one, or have a touching end."""
-    seeds = free & (np.roll(held, 1) | np.roll(held, -1) | touching | np.roll(touching, -1))
+    seeds = free & (preceding(held) | following(held) | touching | following(touching))
     while True:
-        grown = free & (seeds | np.roll(seeds, 1) | np.roll(seeds, -1))
+        grown = free & (seeds | preceding(seeds) | following(seeds))
         if (grown == seeds).all():
             return seeds
         seeds = grown
@@ -99,8 +101,8 @@ def _joined(free: np.ndarray, held: np.ndarray, touching: np.ndarray) -> np.ndar
 def _between(free: np.ndarray, taken: np.ndarray) -> list[tuple[int, int]]:
     """First and last half side of every run of free ones between two taken ones."""
     free = free & ~taken
-    first = np.flatnonzero(free & np.roll(taken, 1))
-    last = np.flatnonzero(free & np.roll(taken, -1))
+    first = np.flatnonzero(free & preceding(taken))
+    last = np.flatnonzero(free & following(taken))
     found = []
     for k in first:
         end = last[np.argmin((last - k) % len(free))] if len(last) else None
@@ -133,22 +135,22 @@ def _rebuilt(x, loop, labels, label, taken, keep, at):
     """The loop with the knots of taken half sides on the tool and without those that are not kept."""
     knots = loop[:, [0, 2]].ravel()
     x = x.copy()
-    on_tool = taken | np.roll(taken, 1)
+    on_tool = taken | preceding(taken)
     x[knots[on_tool]] = at[on_tool]
     half = np.where(taken, label, np.repeat(labels, 2))
-    whole = keep[0::2] & keep[1::2] & np.roll(keep, -1)[1::2] & (half[0::2] == half[1::2])
+    whole = keep[0::2] & keep[1::2] & following(keep)[1::2] & (half[0::2] == half[1::2])
     sides, kinds, fresh, count = [], [], [], len(x)
     kept = np.flatnonzero(keep)
-    following = dict(zip(kept.tolist(), np.roll(kept, -1).tolist(), strict=True))
+    beyond = dict(zip(kept.tolist(), following(kept).tolist(), strict=True))
     for k in kept.tolist():
         if whole[k // 2]:
             if k % 2 == 0:
                 sides.append(loop[k // 2])
                 kinds.append(half[k])
             continue
-        a, b = knots[k], knots[following[k]]
+        a, b = knots[k], knots[beyond[k]]
         sides.append((a, b, count + len(fresh)))
-        straight = half[k] == label or following[k] != (k + 1) % len(knots)
+        straight = half[k] == label or beyond[k] != (k + 1) % len(knots)
         fresh.append(0.5 * (x[a] + x[b]) if straight else _quarter(x, loop[k // 2], k % 2))
         kinds.append(half[k])
     return (np.concatenate([x, np.reshape(fresh, (-1, 2))]), np.array(sides, dtype=loop.dtype),

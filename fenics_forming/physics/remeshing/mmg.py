@@ -87,7 +87,7 @@ def _inside(x: np.ndarray, triangles: np.ndarray, part: np.ndarray,
     """Without the parts that lie on the right of the sides, the holes, and the vertices in them."""
     following = np.full(len(x), -1)
     following[sides[:, 0]] = sides[:, 1]
-    behind = (following[triangles] == np.roll(triangles, -1, axis=1)).any(axis=1)
+    behind = (following[triangles] == triangles[:, [1, 2, 0]]).any(axis=1)
     inside = np.zeros(part.max() + 1, dtype=bool)
     inside[part[behind]] = True
     triangles = triangles[inside[part]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import MeshError
-from .body_arrays import BodyArrays
+from .body_arrays import BodyArrays, preceding
 from .healing import bridged, healed
 from .landing import Landing, landed
 
@@ -115,9 +115,9 @@ def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: 
     """One loop, cut at its features; without any it is one closed chain. Nodes from ``known`` on are not of the body."""
     start, end, middle = (x[sides[:, k]] for k in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, start - 4 * middle + 3 * end      # end tangents of the parabolas
-    turn = angle_between(np.roll(arriving, 1, axis=0), leaving)
+    turn = angle_between(preceding(arriving), leaving)
     sharpness = np.where(np.abs(turn) > np.radians(corner_angle), np.abs(turn), 0.0)
-    sharpness[labels != np.roll(labels, 1)] = np.inf
+    sharpness[labels != preceding(labels)] = np.inf
     feature = sharpness > 0.0
     if detail is not None and feature.any():
         feature[feature] = _apart(sharpness[feature], np.cumsum(np.linalg.norm(end - start, axis=1)), feature,

@@ -20,12 +20,14 @@ class Sizes:
     least : what sources other than domains may ask for at least
     growth : change of size per unit of distance, at most
     sources : callables of the same kind, each with that growth
+    nodal : (n,) what all of them come to at the vertices of the body, where that is known; infinite at its mid-nodes
     """
 
     base: float
     least: float
     growth: float
     sources: tuple = ()
+    nodal: np.ndarray | None = None
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         points = np.asarray(points, dtype=float)
@@ -116,13 +118,16 @@ class Remembered:
     ----------
     sizes : callable, points (k, 2) to wanted sizes (k,)
     points : (n, 2) mm
+    known : (n,) sizes at the points; infinite where they are to be asked for
     """
 
-    def __init__(self, sizes, points: np.ndarray):
+    def __init__(self, sizes, points: np.ndarray, known: np.ndarray | None = None):
         self.sizes = sizes
         order = np.argsort(_number(points))
         self.points = points[order]
-        self.size, self._numbers = sizes(self.points), _number(self.points)
+        self.size = np.full(len(points), np.inf) if known is None else known[order]
+        unknown = np.isinf(self.size)
+        self.size[unknown], self._numbers = sizes(self.points[unknown]), _number(self.points)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         at = np.minimum(np.searchsorted(self._numbers, _number(points)), len(self.points) - 1)

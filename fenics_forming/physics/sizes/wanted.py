@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..remeshing.body_arrays import BodyArrays
@@ -14,6 +16,7 @@ GROWTH = 0.2
 LEAST = 0.05            # of the mesh size, where the scene gives no min_size
 LAYERS = {2: 3.0, 3: 2.0}               # elements across a thin section
 AROUND = 3.0            # the way around the end of a thin section is longer than the one across by this factor
+RING = {2: [1, 0], 3: [2, 0, 1]}        # the vertex before each of a side
 LAYERS_TO_MIRROR = {2: 2.0, 3: 1.5}     # across the half of one that is cut by a mirror plane
 
 
@@ -50,7 +53,7 @@ def thickness_sizes(body: BodyArrays, mirrors: dict[int, float], sizes: Sizes) -
     across, met = thickness(body.x, vertices, LAYERS[body.dim] * sizes.base)
     # the two walls of a lip or of a notch next to each other bound no section
     # the longest of a facet: which of its vertices comes first depends on the number of ranks
-    lengths = np.linalg.norm(body.x[vertices] - body.x[np.roll(vertices, 1, axis=1)], axis=2).max(axis=1)
+    lengths = np.linalg.norm(body.x[vertices] - body.x[vertices[:, RING[body.dim]]], axis=2).max(axis=1)
     if body.dim == 2:
         across[ways_around(vertices, lengths, met) < AROUND * across] = np.inf
     elif (met >= 0).any():
@@ -109,10 +112,11 @@ def mirror_planes(scene, low: np.ndarray, high: np.ndarray) -> dict[int, float]:
 
 def _distance_from(x, sides):
     """Distance from boundary sides by their nodes: too large by a quarter of a side at most; and those nodes."""
-    from scipy.spatial import cKDTree
-
     nodes = x[np.unique(sides)]
-    if len(nodes) == 0:
-        return (lambda points: np.full(len(points), np.inf)), nodes
-    tree = cKDTree(nodes)
-    return (lambda points: tree.query(points)[0]), nodes
+
+    @cache
+    def tree():     # of no use to tools without corners and roundings
+        from scipy.spatial import cKDTree
+        return cKDTree(nodes)
+
+    return (lambda points: tree().query(points)[0] if len(nodes) else np.full(len(points), np.inf)), nodes

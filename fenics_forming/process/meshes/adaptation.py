@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...physics.remeshing.body_arrays import BodyArrays
@@ -42,7 +44,7 @@ def adapted_sizes(scene, tools, body: BodyArrays, labels: np.ndarray, mirrors: d
             for field, strength in ((strain_rate, remesh.strain_rate), (temperature, remesh.temperature))
             if field is not None and strength is not None]
     nodal = nodal_sizes(sizes, body, mirrors, thin=True, also=also)
-    return sizes.and_also(AtNodes(body, nodal))
+    return replace(sizes.and_also(AtNodes(body, nodal)), nodal=nodal)       # graded: nothing is smaller at the vertices
 
 
 def gradient_sizes(body: BodyArrays, field: np.ndarray, strength: float) -> np.ndarray:
@@ -75,7 +77,7 @@ def contact_edges(body: BodyArrays, labels: np.ndarray, rough: list[bool]) -> np
     if body.dim == 3 or not any(rough):
         return np.empty((0, body.dim))      # in space a line of points, which would take most of the elements
     pressed, free = np.zeros((2, len(body.x)), dtype=bool)
-    pressed[body.sides[np.isin(labels, 1 + np.flatnonzero(rough)), :2]] = True
+    pressed[body.sides[np.append(False, rough)[np.maximum(labels, 0)], :2]] = True
     free[body.sides[labels == 0, :2]] = True
     return body.x[pressed & free]
 

@@ -110,7 +110,7 @@ def renewed_arrays(old: BodyArrays, given: Carried, tools, kinematics, *, mirror
     labels = labels if drawn is old else side_labels(drawn, tools, mirrors, landed)
     if drawn.dim == 2:
         outer = marked(drawn.cells[:, :3], len(drawn.x)) | marked(drawn.sides, len(drawn.x))
-        wanted = Remembered(wanted, drawn.x[outer])
+        wanted = Remembered(wanted, drawn.x[outer], wanted.nodal[outer] if drawn is old else None)
     landing = Landing({k: tool.gap for k, tool in enumerate(tools, start=1)},
                       lambda points: hover * wanted(points), lambda points: np.minimum(least, wanted(points)), landed)
     made = remesh(drawn, labels, wanted, chord=chord, engine=engine, least=least, landing=landing,

@@ -166,19 +166,31 @@ def _measure(body, axisymmetric):
     """Weights of the quadrature points in the body, (m, q), mm² or mm³."""
     dim = body.x.shape[1]
     weights, shapes, slope = _points(dim)
+    if dim == 2:
+        return _plane_measure(body.x, body.cells, weights, shapes, slope, axisymmetric)
     x = body.x[body.cells]
     tangents = [[x[..., i] @ slope[..., k].T for k in range(dim)] for i in range(dim)]
-    measure = weights * np.abs(_volumes(tangents))
-    if axisymmetric:
-        measure *= 2 * np.pi * (x[:, :, 0] @ shapes.T)
-    return measure
+    return weights * np.abs(_volumes(tangents))
+
+
+@compiled
+def _plane_measure(x, cells, weights, shapes, slope, axisymmetric):
+    """What `_measure` gives in the plane; shapes (q, 6) and slopes (q, 6, 2) of the quadratic cells."""
+    out = np.empty((len(cells), len(weights)))
+    for c in range(len(cells)):
+        for q in range(len(weights)):
+            radius = a = b = d = e = 0.0
+            for i in range(cells.shape[1]):
+                r, z = x[cells[c, i], 0], x[cells[c, i], 1]
+                radius += shapes[q, i] * r
+                a, b = a + slope[q, i, 0] * r, b + slope[q, i, 1] * r
+                d, e = d + slope[q, i, 0] * z, e + slope[q, i, 1] * z
+            out[c, q] = weights[q] * abs(a * e - b * d) * (2 * np.pi * radius if axisymmetric else 1.0)
+    return out
 
 
 def _volumes(tangents):
     """Determinants (m, q) of the tangents (m, q), by component and direction; `numpy.linalg.det` takes them one by one."""
-    if len(tangents) == 2:
-        (a, b), (c, d) = tangents
-        return a * d - b * c
     (a, b, c), (d, e, f), (g, h, i) = tangents
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
