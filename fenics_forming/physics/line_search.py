@@ -47,23 +47,24 @@ def share_of(power: Callable[[float], float]) -> float:
 
 
 class LineSearch:
-    """The shares that a workpiece takes of its increments.
+    """The shares that a workpiece takes of its increments."""
 
-    Parameters
-    ----------
-    residual_power : f(vector) → power of the residual at the present velocities on other ones, mW; collective
-    """
-
-    def __init__(self, workpiece: Workpiece, residual_power: Callable[[PETSc.Vec], float]):
-        self._body, self._residual_power = workpiece, residual_power
+    def __init__(self, workpiece: Workpiece):
+        self._body = workpiece
 
     @staticmethod
     def fits(workpiece: Workpiece) -> bool:
         """Whether known tools are all that touches the body."""
         return workpiece.contact is not None and workpiece.interfaces is None
 
-    def share(self) -> float:
-        """How much of the increment is taken; less than all where it is large and all would go too far. Collective."""
+    def share(self, residual_power: Callable[[PETSc.Vec], float]) -> float:
+        """How much of the increment is taken; less than all where it is large and all would go too far. Collective.
+
+        Parameters
+        ----------
+        residual_power : f(vector) → power of the residual at the present velocities on other ones, mW; collective. Not
+            kept: a solver that its own line search knows would outlive its mesh until garbage is collected
+        """
         body = self._body
         v, dv = body.solution.x.array, body.increment.x.array
         squares = total(body.nodes.comm, sums_of_squares(dv, v + dv, body.owned_velocity_dofs))
@@ -76,7 +77,7 @@ class LineSearch:
             v[:] = kept[0] + share * dv
             there = tractions(body.contact, body.velocity)
             traction[: there.size] = there.ravel()
-            return self._residual_power(body.increment.x.petsc_vec)
+            return residual_power(body.increment.x.petsc_vec)
 
         share = share_of(power)
         v[:], traction[:] = kept

@@ -58,7 +58,7 @@ class FlowSolver:
         self.system = linear_system(workpiece)
         self.b = fem_petsc.create_vector(workpiece.residual_form)
         self.border = _border(workpiece)
-        self._search = LineSearch(workpiece, self._residual_power) if LineSearch.fits(workpiece) else None
+        self._search = LineSearch(workpiece) if LineSearch.fits(workpiece) else None
         self._volume: float | None = None
         self.usual_power = 0.0     # of flow at the mean flow stress and the characteristic rate, mW
 
@@ -147,7 +147,7 @@ class FlowSolver:
             share = 0.5 if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0 else 1.0
             self._linear_solve(settle=share == 1.0 and not (cold and iteration == 1))
             if self._search is not None and self.border is None and not (cold and iteration == 1):
-                share = min(share, self._search.share())
+                share = min(share, self._search.share(self._residual_power))
             if share < 1.0:
                 body.increment.x.array[:] *= share
             if self.border is not None:
