@@ -26,14 +26,14 @@ def _above_one(value):
 
 Quality = Annotated[Within(Positive(Number), 0, 1), AfterValidator(_below_one)]
 Ratio = Annotated[Positive(Number), AfterValidator(_above_one)]
-LEAST_QUALITY = {2: 0.25, 3: 0.2}
+LEAST_QUALITY = {2: 0.3, 3: 0.2}
 
 
 class Remesh(Described):
     """When and how the mesh is renewed.
 
     When: a cell would fall below min_quality (ratio of the radii of its in- and circumscribed circle or ball, 1 is best;
-    0.25 in the plane, 0.2 in space); a side lies deeper in a tool than penetration times its length; a cell is more than
+    0.3 in the plane, 0.2 in space); a side lies deeper in a tool than penetration times its length; a cell is more than
     neighbour_ratio times as large as its neighbour; every so many steps; at least least_steps apart.
 
     How: max_size, min_size : of elements, mm (mesh_size; a twentieth of it). chord : largest distance between a straight

@@ -184,7 +184,7 @@ def test_remesh_may_be_a_word_or_a_table():
     assert remesh(True) == remesh({}) == scene.Remesh()
     assert remesh(False) is None is billet().workpiece.remesh
     assert remesh({"chord": "20 um"}).chord == 0.02
-    assert [remesh(True).quality_limit(dimension) for dimension in (2, 3)] == [0.25, 0.2]
+    assert [remesh(True).quality_limit(dimension) for dimension in (2, 3)] == [0.3, 0.2]
     assert remesh({"min_quality": 0.2}).quality_limit(3) == 0.2
 
 
