@@ -20,7 +20,7 @@ from .node_kernels import sums_of_squares
 from .parallel import total
 from .workpiece import Workpiece
 
-LARGE = 0.6         # of the velocities: smaller increments are taken as they are, and so find rigid zones sooner
+LARGE = 0.8         # of the velocities: smaller increments are taken as they are, and so find rigid zones sooner
 UPHILL = 0.5        # of the power at the start: what a whole increment may do
 SETTLED = 0.3       # of the power at the start: what may be left
 MOST = 20           # evaluations of the residual
