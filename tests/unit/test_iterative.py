@@ -11,6 +11,7 @@ from fenics_forming.physics import linear_choice
 from fenics_forming.physics.direct import DirectSystem
 from fenics_forming.physics.iterative.aggregates import blended, groups_of
 from fenics_forming.physics.iterative.krylov import fgmres
+from fenics_forming.physics.iterative.pattern import along_a_curve
 from fenics_forming.physics.iterative.products import invert_blocks, product
 from fenics_forming.physics.settling import Settling
 from fenics_forming.simulation.run import Simulation
@@ -359,3 +360,12 @@ def test_blocks_are_inverted_or_found_singular():
     np.testing.assert_allclose(out.reshape(-1, 3, 3) @ blocks, np.tile(np.eye(3), (20, 1, 1)), atol=1e-10)
     blocks[7] = 0.0
     assert not invert_blocks(blocks.reshape(-1, 9), out)
+
+
+def test_cells_along_a_curve_are_near_to_one_another():
+    """All points of a grid once; a step along the curve is hardly longer than one of the grid, in mean."""
+    grid = np.stack(np.meshgrid(*[np.arange(16.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.random.default_rng(5).permutation(grid)
+    order = along_a_curve(grid)
+    assert np.array_equal(np.sort(order), np.arange(len(grid)))
+    assert np.linalg.norm(np.diff(grid[order], axis=0), axis=1).mean() < 2.0

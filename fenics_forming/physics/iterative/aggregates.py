@@ -7,9 +7,10 @@ product is
 
 .. math:: M_{AB} = \sum_{ij} w_{iA}\,w_{jB}\,R_i^T A_{ij} R_j ,
 
-which every rank sums over what its own cells give. Groups are boxes of the body at the start, halved again and again across
-their longest side: across flat cells they are as thin as they are there, which is the direction that couples strongly. They
-and the weights hold for as long as the mesh; none of it depends on how the mesh is divided among ranks, but for rounding.
+which every rank sums over what its own cells give. Groups are boxes of the body at the start, cut in two again and again
+across their longest side: across flat cells they are as thin as they are there, which is the direction that couples
+strongly. They and the weights hold for as long as the mesh; none of it depends on how the mesh is divided among ranks, but
+for rounding.
 
 References
 ----------
@@ -43,12 +44,14 @@ def groups_of(places: np.ndarray, graph: sparse.csr_matrix, most: int) -> np.nda
     group, waiting, known = np.empty(len(places), np.int64), [np.arange(len(places))], 0
     while waiting:
         box = waiting.pop()
-        if len(box) <= most:
+        boxes = -(-len(box) // most)
+        if boxes <= 1:
             group[box], known = known, known + 1
             continue
         axis = int(np.argmax(np.ptp(places[box], axis=0)))
         box = box[np.argsort(places[box, axis], kind="stable")]
-        waiting += [np.sort(box[: len(box) // 2]), np.sort(box[len(box) // 2:])]
+        first = len(box) * (boxes // 2) // boxes
+        waiting += [np.sort(box[:first]), np.sort(box[first:])]
     links = graph.tocoo()
     within = group[links.row] == group[links.col]
     inside = sparse.csr_matrix((np.ones(within.sum()), (links.row[within], links.col[within])), graph.shape)

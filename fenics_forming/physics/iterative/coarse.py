@@ -12,7 +12,7 @@ from .velocity_block import VelocityBlock
 
 ORDER = 6           # of the smoother, before and after; a product costs a sixteenth of one with quadratic velocities
 IN_A_GROUP = 40     # vertices, at most ...
-MOST_GROUPS = 256   # ... but no more boxes than that: every rank factorises a full matrix of six motions of each
+MOST_GROUPS = 352   # ... but no more boxes than that: every rank factorises a full matrix of six motions of each
 PASSES = 2          # that blend the groups
 
 

@@ -126,22 +126,23 @@ def _times(tensor, gradient, count, out):
 
 
 @compiled
-def tangent(x, cells, corners, weights, table, hats, hat_table, flow_stress, rate, softening, strain_rate, stress,
+def tangent(order, x, cells, corners, weights, table, hats, hat_table, flow_stress, rate, softening, strain_rate, stress,
             places, diagonal, upper, coarse_places, coarse_diagonal, coarse_upper, mass_diagonal, mass_upper):
     """Add the tangent of all cells: on the nodes, on the vertices alone, and the pressure mass over the viscosity.
 
     Parameters
     ----------
-    x (nodes, 3), cells (cells, 10), corners (cells, 4) numbers of the vertices · weights (points,), table (points, 10, 3)
-    reference gradients, hats (points, 4), hat_table (4, 3) · flow_stress, rate, softening (cells,
-    points), strain_rate, stress (cells, points, 6) · places (cells, 45), diagonal (nodes, 9), upper (pairs, 9) · the same
+    order (cells,) in which they are taken · x (nodes, 3), cells (cells, 10), corners (cells, 4) numbers of the vertices ·
+    weights (points,), table (points, 10, 3) reference gradients, hats (points, 4), hat_table (4, 3) · flow_stress, rate,
+    softening (cells, points), strain_rate, stress (cells, points, 6) · places (cells, 45), diagonal (nodes, 9), upper
+    (pairs, 9) · the same
     of the vertices · mass_diagonal (vertices,), mass_upper (pairs,)
     """
     g, s, t = np.empty((10, 3)), np.empty((10, 3)), np.empty((10, 3))
     h, hs, ht = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3))
     D, T, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     local, coarse, pressures = np.empty((55, 9)), np.empty((10, 9)), np.empty(10)
-    for c in range(len(cells)):
+    for c in order:
         local[:], coarse[:], pressures[:] = 0.0, 0.0, 0.0
         for q in range(len(weights)):
             volume = weights[q] * _mapping(x, cells[c], table[q], inverse)

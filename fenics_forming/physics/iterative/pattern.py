@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+BITS = 10       # of a place along each axis
+
 
 class Pattern:
     """The upper half of a symmetric pattern: pairs of nodes that share a cell, row by row.
@@ -57,3 +59,18 @@ class Incidence:
         self.places = places.reshape(keys.shape).astype(np.int32)
         self.columns = (known % nodes).astype(np.int32)
         self.starts = np.searchsorted(known, nodes * np.arange(vertices + 1, dtype=np.int64)).astype(np.int32)
+
+
+def along_a_curve(places: np.ndarray) -> np.ndarray:
+    """An order of points (n, 3) in which neighbours are near to one another: of the bits of their places, the first of all
+    three axes, then the second ones, and so on (G. M. Morton, 1966). What is done to neighbours then finds their rows in
+    the cache of the processor."""
+    if len(places) == 0:
+        return np.empty(0, np.int64)
+    low, size = places.min(axis=0), np.ptp(places, axis=0).max()
+    steps = ((places - low) / size * (2**BITS - 1)).astype(np.int64)
+    key = np.zeros(len(places), np.int64)
+    for bit in range(BITS):
+        for axis in range(3):
+            key |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(key, kind="stable")

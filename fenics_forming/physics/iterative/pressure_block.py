@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .pattern import Incidence, Pattern
-from .products import columns_times, rows_times, scalar_product
+from .products import both_times, columns_times, rows_times, scalar_product
 from .sharing import Shared
 
 # Eigenvalues of a P1 mass matrix over its diagonal on tetrahedra (A. Wathen, IMA J. Numer. Anal. 7, 1987): they hold cell
@@ -32,6 +32,12 @@ class Divergence:
         y, p = np.empty((self._nodes.count, 3)), self.pattern
         columns_times(p.starts, p.columns, self.blocks, q, y)
         return y
+
+    def both_times(self, v: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """B^T q and B v: the blocks are read once."""
+        y, z, p = np.empty((self._nodes.count, 3)), np.empty(self._vertices.count), self.pattern
+        both_times(p.starts, p.columns, self.blocks, v, q, y, z)
+        return y, z
 
 
 class PressureMass:

@@ -65,6 +65,21 @@ def rows_times(starts, columns, blocks, x, y):
 
 
 @compiled
+def both_times(starts, columns, blocks, x, q, y, z):
+    """z = B x and y = B^T q at once: (vertices,) and (nodes, 3) from (nodes, 3) and (vertices,)."""
+    y[:] = 0.0
+    for i in range(len(starts) - 1):
+        s, given = 0.0, q[i]
+        for k in range(starts[i], starts[i + 1]):
+            j, b = columns[k], blocks[k]
+            s += b[0] * x[j, 0] + b[1] * x[j, 1] + b[2] * x[j, 2]
+            y[j, 0] += b[0] * given
+            y[j, 1] += b[1] * given
+            y[j, 2] += b[2] * given
+        z[i] = s
+
+
+@compiled
 def columns_times(starts, columns, blocks, x, y):
     """y = B^T x: (nodes, 3) from (vertices,)."""
     y[:] = 0.0

@@ -15,7 +15,7 @@ from .coarse import CoarseSolver
 from .eliminated import Eliminated, InSeries, OntoVertices
 from .krylov import fgmres
 from .multigrid import TwoLevels
-from .pattern import Incidence, Pattern
+from .pattern import Incidence, Pattern, along_a_curve
 from .pressure_block import Divergence, PressureMass
 from .sharing import Shared
 from .velocity_block import VelocityBlock
@@ -44,6 +44,7 @@ class IterativeSystem:
         nodes, vertices = Shared(n.mesh.geometry.index_map()), Shared(n.scalar_space.dofmap.index_map)
         self._nodes, self._vertices = nodes, vertices
         self._corners = n.scalar_dofs[n.vertices]
+        self._order = along_a_curve(n.x[n.vertices].mean(axis=1))
         self._vertex_nodes = np.empty(vertices.count, np.int32)
         at = np.flatnonzero(n.is_vertex)
         self._vertex_nodes[n.scalar_dofs[at]] = at
@@ -100,8 +101,8 @@ class IterativeSystem:
             part.clear()
         self._of_contact[:] = 0.0
         shape = (len(self._n.cells), len(self._weights))
-        kernels.tangent(self._n.x, self._n.cells, self._corners, self._weights, self._table, self._hats, self._hat_table,
-                        body.sigma.reshape(shape), body.point_rate().reshape(shape),
+        kernels.tangent(self._order, self._n.x, self._n.cells, self._corners, self._weights, self._table, self._hats,
+                        self._hat_table, body.sigma.reshape(shape), body.point_rate().reshape(shape),
                         body.softening.reshape(shape), body.strain_rate.reshape(*shape, 6), body.tau.reshape(*shape, 6),
                         block.pattern.places, block.diagonal, block.upper, coarse.pattern.places, coarse.diagonal,
                         coarse.upper, mass.diagonal, mass.upper)
@@ -237,9 +238,10 @@ class IterativeSystem:
     def _times(self, z: np.ndarray) -> np.ndarray:
         v, p = self._known_to_all(z)
         y = self.block.times(v, np.empty_like(v))
-        y += self.divergence.transposed_times(p)
+        forces, rates = self.divergence.both_times(v, p)
+        y += forces
         y = self._nodes.add_up(y) * self.block.free
-        q = self._vertices.add_up(self.divergence.times(v)) * self.mass.free
+        q = self._vertices.add_up(rates) * self.mass.free
         return self._owned(y, q)
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
