@@ -54,8 +54,8 @@ class LineSearch:
 
     @staticmethod
     def fits(workpiece: Workpiece) -> bool:
-        """Whether known tools are all that touches the body."""
-        return workpiece.contact is not None and workpiece.interfaces is None
+        """Whether known tools are all that touches the body, and no inertia holds it."""
+        return workpiece.contact is not None and workpiece.interfaces is None and workpiece.mass is None
 
     def share(self, residual_power: Callable[[PETSc.Vec], float]) -> float:
         """How much of the increment is taken; less than all where it is large and all would go too far. Collective.
