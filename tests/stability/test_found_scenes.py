@@ -11,8 +11,10 @@ from fenics_forming import simulate
 from fenics_forming.scene import Scene
 from tests.stability import test_random_formings as formings
 from tests.stability import test_random_processes as processes
+from tests.stability.scenes import balanced
 
 FOUND = sorted((Path(__file__).parent / "found").glob("*.json"))
+OPEN = sorted((Path(__file__).parent / "found" / "open").glob("*.json"))
 QUICK = "a_plate_that_gives_way", "a_blow_that_dies_away"
 
 
@@ -22,3 +24,11 @@ def test_scene_that_broke_a_law_keeps_it_now(path):
     values = json.loads(path.read_text(encoding="utf-8"))
     scene = Scene.read(values)
     (formings if "title" in values else processes).check_laws(scene, simulate(scene))
+
+
+@pytest.mark.long
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="not cured yet: the upper block loses 1.7 % in the last step")
+@pytest.mark.parametrize("path", OPEN, ids=lambda path: path.stem)
+def test_scene_that_breaks_a_law_still(path):
+    scene = Scene.read(json.loads(path.read_text(encoding="utf-8")))
+    balanced(simulate(scene), 0.01)
