@@ -9,7 +9,7 @@ import pytest
 import fenics_forming as ff
 from fenics_forming.cli import main
 from fenics_forming.laws.library import FOLDER, library, names
-from fenics_forming.scene.description import Material
+from fenics_forming.scene.material import Material
 
 
 def scene(material, temperature=None):
