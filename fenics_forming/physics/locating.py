@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from .locating_kernels import ROUND_OFF, across_mids, clipped, curved_walks, distances, means, on_facets, walks
+from .nearest import Bins
 from .nodes import EDGES, keys, quadratic_shapes
 
 CANDIDATES = 8        # cells from which a point that ended at the boundary starts again
@@ -65,7 +66,15 @@ class Locator:
         self.gradients, volumes = _inverse(corners[:, 1:] - corners[:, :1])
         self.weights = np.abs(volumes)
         self._centroids = corners.mean(axis=1)
-        self._tree = _tree(self._centroids)
+
+    @cached_property
+    def _tree(self):
+        return _tree(self._centroids)
+
+    @cached_property
+    def _near(self):
+        """Function of points to the cells with the nearest centroids."""
+        return _nearest(self._centroids, None if self.dim == 2 else self._tree)
 
     @cached_property
     def neighbours(self) -> np.ndarray:
@@ -90,12 +99,11 @@ class Locator:
     def find(self, points: np.ndarray) -> Located:
         """The straight simplex that each point (p, dim) lies in, or the nearest place found where it lies in none."""
         points = np.ascontiguousarray(points, float)
-        cells, inner = self._walk(points, self._tree.query(points)[1])
+        cells, inner = self._walk(points, self._near(points)[:, 0])
         found = self._clipped(points, cells, inner)
         outside = np.flatnonzero(inner.min(axis=1) < -ROUND_OFF)
         if len(outside):
-            _, starts = self._tree.query(points[outside], k=min(CANDIDATES, len(self.cells)))
-            found = self._nearest_of(points, found, outside, starts.reshape(len(outside), -1))
+            found = self._nearest_of(points, found, outside, self._near(points[outside], CANDIDATES))
         doubtful = outside[found.distance[outside] > DOUBTFUL * self._size(found.cells[outside])]
         return self._among_all_near(points, found, doubtful) if len(doubtful) else found
 
@@ -103,7 +111,7 @@ class Locator:
         """Of values (n,) at the vertices, linear between them, those at points (p, dim), (p,); outside the one where
         the walk ends, near but maybe not the nearest."""
         points = np.ascontiguousarray(points, float)
-        return means(nodal, self.vertices, *self._walk(points, self._tree.query(points)[1]))
+        return means(nodal, self.vertices, *self._walk(points, self._near(points)[:, 0]))
 
     def _size(self, cells):
         """Longest straight edge at the first vertex of cells, (p,) mm."""
@@ -165,15 +173,15 @@ class Locator:
 
     @cached_property
     def _boundary(self):
-        """Cells and sides of the boundary facets, (f,) each, and a search tree of their straight centres."""
+        """Cells and sides of the boundary facets, (f,) each, and a function of points to those with the nearest centres."""
         cells, sides = np.nonzero(self.neighbours < 0)
         whole = self.x[self.vertices[cells]].sum(axis=1) - self.x[self.vertices[cells, sides]]
-        return cells, sides, _tree(whole / self.dim)
+        return cells, sides, _nearest(whole / self.dim)
 
     def _nearest_facet(self, points, found, rows):
         """What was found with, for the points ``rows``, the nearest place on the boundary facets around them."""
-        cells, sides, tree = self._boundary
-        near = tree.query(points[rows], k=min(CANDIDATES, len(cells)))[1].reshape(len(rows), -1)
+        cells, sides, nearest = self._boundary
+        near = nearest(points[rows], CANDIDATES)
         each, facets = np.repeat(rows, near.shape[1]), near.ravel()
         start = np.full((len(each), self.dim + 1), 1.0 / self.dim)
         inner = self._on_facet(points[each], cells[facets], sides[facets], start)
@@ -188,6 +196,15 @@ class Locator:
 def _tree(points):
     from scipy.spatial import cKDTree  # a tenth of a second, which a run that searches nothing saves
     return cKDTree(points)
+
+
+def _nearest(among: np.ndarray, tree=None):
+    """Function of points (p, dim), and how many, to the numbers of the nearest of some points (n, dim): (p, many or n)."""
+    if among.shape[1] == 2:
+        bins = Bins(among)
+        return lambda points, many=1: bins.query(points, min(many, len(among)))
+    tree = _tree(among) if tree is None else tree
+    return lambda points, many=1: tree.query(points, k=min(many, len(among)))[1].reshape(len(points), -1)
 
 
 def convex(inner: np.ndarray) -> np.ndarray:

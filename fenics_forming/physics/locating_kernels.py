@@ -113,6 +113,16 @@ def map_at(x, nodes, edges, inner, place, slope):
     """Where coordinates lie in a curved cell, put into ``place`` (dim,), and the derivatives by each of them, into
     ``slope`` (dim + 1, dim)."""
     corners, dim = len(inner), len(place)
+    if dim == 2:        # written out: twice as fast
+        for j in range(2):
+            a, b, c = inner[0], inner[1], inner[2]
+            u, v, w = 4 * x[nodes[3], j], 4 * x[nodes[4], j], 4 * x[nodes[5], j]        # across from a, b, c
+            place[j] = a * (2 * a - 1) * x[nodes[0], j] + b * (2 * b - 1) * x[nodes[1], j] \
+                + c * (2 * c - 1) * x[nodes[2], j] + b * c * u + a * c * v + a * b * w
+            slope[0, j] = (4 * a - 1) * x[nodes[0], j] + c * v + b * w
+            slope[1, j] = (4 * b - 1) * x[nodes[1], j] + c * u + a * w
+            slope[2, j] = (4 * c - 1) * x[nodes[2], j] + b * u + a * v
+        return
     for j in range(dim):
         place[j] = 0.0
         for i in range(corners):
