@@ -14,7 +14,7 @@ from .scenes import BILLET, BLOCK, COARSE_BILLET, run, scene_file
 HEAVY = ("dolfinx", "petsc4py", "gmsh", "numba", "mpi4py", "pyvista", "ufl", "basix")
 
 
-def forming(*words, timeout: float = 60):
+def forming(*words, timeout: float = 900):
     """Exit code, stdout and stderr of the command."""
     done = subprocess.run([sys.executable, "-m", "fenics_forming", *map(str, words)], capture_output=True, text=True,
                           timeout=timeout)
@@ -36,7 +36,7 @@ def imported(*words) -> set[str]:
     """The heavy packages that a command imports."""
     script = ("import sys\nfrom fenics_forming.cli import main\ncode = main(sys.argv[1:])\n"
               "print('IMPORTED', code, *(m for m in sys.modules if '.' not in m))")
-    done = subprocess.run([sys.executable, "-c", script, *map(str, words)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", script, *map(str, words)], capture_output=True, text=True, timeout=900)
     line = next(text for text in done.stdout.splitlines() if text.startswith("IMPORTED"))
     return set(line.split()[2:]) & set(HEAVY)
 
@@ -163,5 +163,5 @@ def test_plot_of_an_empty_folder(tmp_path, here):
 
 def test_a_reader_that_has_seen_enough_ends_the_command_without_words():
     done = subprocess.run(f"{sys.executable} -m fenics_forming materials copper_ofhc_warm | head -1", shell=True,
-                          capture_output=True, text=True, timeout=60)
+                          capture_output=True, text=True, timeout=900)
     assert done.stdout.startswith("copper_ofhc_warm") and done.stderr == ""

@@ -78,7 +78,7 @@ def test_iterations_find_the_run_of_a_factorisation(name, tmp_path):
 @pytest.mark.parametrize("name", swept(["die"], ["heat", "frame", "inertia"]))
 def test_iterations_find_the_same_on_two_ranks(name, tmp_path):
     one = run(scene(name), tmp_path / "one").results
-    two = on_ranks(2, scene(name), tmp_path / "two", timeout=300)
+    two = on_ranks(2, scene(name), tmp_path / "two", timeout=900)
     same(one.history, two.history)
     alone, shared = (r.summary["linear_solver"] for r in (one, two))
     assert alone.keys() == shared.keys() and alone["kind"] == shared["kind"] == "iterative"

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.mpi
 ROUNDING = 1e-8     # relative to the largest value of a column; sums of another order, of 200 dofs and 10 steps
 
 
-def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False, timeout: float = 120) -> Results:
+def on_ranks(count: int, text: str, folder, *changes: str, resume: bool = False, timeout: float = 900) -> Results:
     """Run a scene by ``forming run`` on ``count`` ranks."""
     path = scene_file(text, folder)
     words = ["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", "run", str(path), "--out",
@@ -111,7 +111,7 @@ def test_failure_ends_every_rank(tmp_path):
     path = scene_file(BLOCK, tmp_path)
     done = subprocess.run(["mpirun", "-n", "2", sys.executable, "-m", "fenics_forming", "run", str(path), "--out",
                            str(tmp_path), "--quiet", "--set=solver.max_iterations=2"],
-                          capture_output=True, text=True, timeout=120, env=os.environ)
+                          capture_output=True, text=True, timeout=900, env=os.environ)
     assert done.returncode == 1
     assert done.stderr.count("the run failed: ") == 1
     assert Results.read(tmp_path).summary["stopped"].startswith("failed")
@@ -125,7 +125,7 @@ def test_unforeseen_error_on_one_rank_ends_all(tmp_path):
               "if MPI.COMM_WORLD.rank == 1:\n    Stepper.advance = broken\n"
               "sys.exit(cli.main(sys.argv[1:]))")
     done = subprocess.run(["mpirun", "-n", "2", sys.executable, "-c", script, "run", str(scene_file(BLOCK, tmp_path)),
-                           "--out", str(tmp_path), "--quiet"], capture_output=True, text=True, timeout=60, env=os.environ)
+                           "--out", str(tmp_path), "--quiet"], capture_output=True, text=True, timeout=900, env=os.environ)
     assert done.returncode != 0 and "ZeroDivisionError: not foreseen" in done.stderr
 
 

@@ -80,7 +80,7 @@ if mesh.comm.rank == 0:
 
 def answers(ranks: int, program: str, *words: str) -> np.ndarray:
     launcher = [] if ranks == 1 else ["mpirun", "-n", str(ranks)]
-    done = subprocess.run([*launcher, sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=120,
+    done = subprocess.run([*launcher, sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=900,
                           env=os.environ)
     assert done.returncode == 0, done.stderr[-2000:]
     found = np.array(done.stdout.split(), float)
@@ -106,7 +106,7 @@ def test_parts_that_press_on_one_another_on_two_ranks(friction, allowed):
 def on_ranks(count: int, *words: str) -> None:
     """``forming`` with these words on ``count`` ranks."""
     done = subprocess.run(["mpirun", "-n", str(count), sys.executable, "-m", "fenics_forming", *words], capture_output=True,
-                          text=True, timeout=120, env=os.environ)
+                          text=True, timeout=900, env=os.environ)
     assert done.returncode == 0, done.stderr[-2000:]
 
 

@@ -79,7 +79,7 @@ def merged(base: dict, changes: dict) -> dict:
 def run(part: str | None) -> dict:
     scene = PLAIN if part is None else merged(PLAIN, PARTS[part][0])
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(RUN), json.dumps(scene)], capture_output=True, text=True,
-                          timeout=300)
+                          timeout=900)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -499,7 +499,7 @@ TWO_RANKS = """
 def test_surface_is_counted_once_on_two_ranks(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(textwrap.dedent(TWO_RANKS))
-    run = subprocess.run(["mpirun", "-n", "2", sys.executable, script], capture_output=True, text=True, timeout=120)
+    run = subprocess.run(["mpirun", "-n", "2", sys.executable, script], capture_output=True, text=True, timeout=900)
     assert run.returncode == 0, run.stderr
 
 

@@ -133,7 +133,7 @@ def test_lines_and_points_are_the_same_on_two_ranks(run, tmp_path):
     (tmp_path / "script.py").write_text(textwrap.dedent(TWO_RANKS))
     here = __file__.rpartition("/")[0]
     done = subprocess.run(["mpirun", "-n", "2", sys.executable, tmp_path / "script.py", here, tmp_path],
-                          capture_output=True, text=True, timeout=120)
+                          capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
     two = Results.read(tmp_path)
     assert two.summary["ranks"] == 2

@@ -209,7 +209,7 @@ def test_two_ranks_find_the_same_folds():
         """)
     answers = []
     for launcher in ([], ["mpirun", "-n", "2"], ["mpirun", "-n", "3"]):
-        done = subprocess.run([*launcher, sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+        done = subprocess.run([*launcher, sys.executable, "-c", program], capture_output=True, text=True, timeout=900)
         assert done.returncode == 0, done.stderr[-2000:]
         answers.append(np.array(done.stdout.split(), float))
     assert answers[0][0] == 1 and len(answers[0]) == 4 + 1 + 5

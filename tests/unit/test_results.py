@@ -389,7 +389,7 @@ def test_files_do_not_depend_on_the_number_of_ranks(tmp_path, nodes):
     (tmp_path / "script.py").write_text(textwrap.dedent(ON_TWO_RANKS))
     run = subprocess.run(
         ["mpirun", "-n", "2", sys.executable, tmp_path / "script.py", tmp_path],
-        timeout=120,
+        timeout=900,
         capture_output=True,
         text=True,
     )

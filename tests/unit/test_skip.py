@@ -206,7 +206,7 @@ def test_run_without_output_imports_no_drawing_library_no_remeshing_and_compiles
     numba itself cannot be kept out: dolfinx imports it.  What the package compiles with it, the search trees of
     profiles with many pieces and of triangulated tools, lies in ``bvh``.
     """
-    run = subprocess.run([sys.executable, "-c", textwrap.dedent(SCENE)], capture_output=True, text=True, timeout=120)
+    run = subprocess.run([sys.executable, "-c", textwrap.dedent(SCENE)], capture_output=True, text=True, timeout=900)
     assert run.returncode == 0, run.stderr
     answer = json.loads(run.stdout.splitlines()[-1])
     assert answer == {"described": [], "run": [], "remeshing": [], "heat": [], "dolfinx": True, "steps": 2}

@@ -272,7 +272,7 @@ def test_two_ranks_restore_what_one_restores():
     answers = []
     for launcher in ([], ["mpirun", "-n", "2"]):
         done = subprocess.run([*launcher, sys.executable, "-c", program], capture_output=True, text=True, check=True,
-                              timeout=120)
+                              timeout=900)
         answers.append(np.array(done.stdout.split(), float))
     assert len(answers[0]) == 8
     assert answers[1] == pytest.approx(answers[0], rel=1e-10)

@@ -148,7 +148,7 @@ def test_two_ranks_find_the_same_roll(tmp_path):
     one = forming(tmp_path / "one")
     command = ["mpirun", "-n", "2", sys.executable, "-m", "fenics_forming", "run", str(tmp_path / "one" / "scene.toml"),
                "--out", str(tmp_path / "two"), "--quiet"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900, env=os.environ)
     assert done.returncode == 0, done.stderr[-2000:]
     two = ff.Results.read(tmp_path / "two").history
     for name in ("force_roll_N_per_mm", "torque_roll_Nmm", "deflection_roll_mm"):

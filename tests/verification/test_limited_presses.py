@@ -131,7 +131,7 @@ def test_a_limited_press_with_an_elastic_die_is_resumed_on_two_ranks_to_rounding
     def forming(folder: str, *words: str):
         command = ["mpirun", "-n", "2", sys.executable, "-m", "fenics_forming", "run", str(tmp_path / "scene.toml"),
                    "--out", str(tmp_path / folder), "--quiet", "--set=output.checkpoint_every=1", *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=900, env=os.environ)
         assert done.returncode == 0, done.stderr[-2000:]
         return ff.Results.read(tmp_path / folder).history
 
