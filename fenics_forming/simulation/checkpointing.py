@@ -31,6 +31,7 @@ def save(run, path: Path, state: State) -> None:
         "power_ledger": run.power_ledger.memory(),
         "heat_ledger": None if run.heat_ledger is None else run.heat_ledger.memory(),
         "heat_tools": None if run.body.heat is None else run.body.heat.tool_memory(state.heat), "folds": run.folds.memory(),
+        "contact_sizes": run.contact_sizes.memory(),
         "at_rest": w.is_cold, "penalty": None if contact is None else contact.reference, "inertia": moving,
         "rate_scale": 1.0 if w.last_rate is None else w.last_rate[1], "step_fraction": run.stepper.choice.fraction,
         "rams": run.body.rams.memory(),

@@ -19,6 +19,7 @@ from ..process.tools.free_drives import equip
 from ..process.tools.machines import drives_of
 from ..results.checkpoint import load_checkpoint
 from ..results.progress import Silent
+from ..results.recording.contact_sizes import ContactSizes
 from ..results.recording.folds import FoldRecord
 from ..results.recording.ledger import PowerLedger, VolumeLedger, VolumeLedgers
 from ..results.recording.recorder import Recorder
@@ -66,11 +67,12 @@ class Simulation:
             self.start_volume, restored=scene.restores_volume)
         self.power_ledger = PowerLedger()
         self.heat_ledger = self._heat_ledger(body)
-        self.folds = FoldRecord()
+        self.folds, self.contact_sizes = FoldRecord(), ContactSizes(self)
         if self._saved is not None:
             self.volume_ledger.remember(self._saved.scalars["volume_ledger"])
             self.power_ledger.remember(self._saved.scalars["power_ledger"])
             self.folds.remember(self._saved.scalars["folds"])
+            self.contact_sizes.remember(self._saved.scalars["contact_sizes"])
         self.stepper = Stepper(scene, body, Stops(scene, self.drives), keeper=self._mesh_keeper(),
                                volume_ledger=self.volume_ledger, force=lambda: self._recorder.force(scene.counting_tool),
                                on_new_mesh=self._relocate)

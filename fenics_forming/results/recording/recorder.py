@@ -94,6 +94,7 @@ class Recorder:
         self.history.append(self.row)
         self.iterations += state.flow.iterations
         self._look_for_folds(state.step)
+        self.run.contact_sizes.look(state.step)
         if self.out is None:
             return
         start = perf_counter()
@@ -205,8 +206,8 @@ class Recorder:
         self._look_for_folds(int(self.row.get("step", 0)), now=True)
         explicit = self.scene.scheme == "explicit"
         return [*self.volume.doubts("steps.scheme = 'midpoint' or smaller steps" if explicit else MORE_EXACT),
-                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts(), *untouched(self.run, self.history.rows),
-                *(self.heat.doubts() if self.heat is not None else [])]
+                *self.power.doubts(MORE_EXACT), *self.run.folds.doubts(), *self.run.contact_sizes.doubts(),
+                *untouched(self.run, self.history.rows), *(self.heat.doubts() if self.heat is not None else [])]
 
     def finish(self, state, why: str, warnings: list[str]) -> None:
         """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state)."""
