@@ -31,6 +31,7 @@ class FlowSolution:
 
 CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
 HELD_FROM = 12                  # iterations; from then on friction keeps to the points that were closed
+STUCK_FROM = 5                  # the same of warm starts along tools that stick, and to what pressed in the solve before
 NEXT_TO_NONE = 1e-3             # of the force that makes a body flow
 UNBALANCED = 5.0                # of the force tolerance: what the forces on a body may differ by
 
@@ -90,7 +91,7 @@ class FlowSolver:
         if not body.is_cold:
             body.tie_to_last_rate(characteristic_rate, step)
             try:
-                return self._iterate(task, settings.regularisation)
+                return self._iterate(task, settings.regularisation, stuck_from=STUCK_FROM)
             except ConvergenceError as failure:
                 history.append(failure.sentence)
         body.tie_to_last_rate(characteristic_rate, None)
@@ -129,8 +130,9 @@ class FlowSolver:
                 contact.sticking = STICKING
         return FlowSolution(spent, found.velocity_change, found.force_change)
 
-    def _iterate(self, task: _Task, ratio: float, cold: bool = False) -> FlowSolution:
-        """Newton iterations at one regularisation until velocities, forces and power no longer change.
+    def _iterate(self, task: _Task, ratio: float, cold: bool = False, stuck_from: int | None = None) -> FlowSolution:
+        """Newton iterations at one regularisation until velocities, forces and power no longer change; from ``stuck_from``
+        on tools that stick hold what they pressed in the solve before.
 
         Where the body has mass, the velocity by which contact gives way counts as acceleration when it changes: there the
         multipliers are renewed within the solve, as long as they take over what the penalty still carries.
@@ -156,7 +158,7 @@ class FlowSolver:
             last, velocity_change = velocity_change, self._relative_change()
             if not np.isfinite(velocity_change):
                 raise ConvergenceError(f"the velocities became infinite in iteration {iteration}")
-            before, force = force, self._respond(ratio, iteration)
+            before, force = force, self._respond(ratio, iteration, stuck_from)
             last_change, force_change = force_change, _relative(force, before)
             # the forces of the first guess, of points that are not settled, say nothing of how fast changes shrink
             left = force_change if iteration == 2 and self.system.settles else _left(force_change, last_change)
@@ -170,7 +172,7 @@ class FlowSolver:
                 if settings.force_tolerance < beside < 0.5 * before_last:
                     for part in body.contacts:
                         part.augment()
-                    force = self._respond(ratio, iteration)
+                    force = self._respond(ratio, iteration, stuck_from)
                     continue
                 body.is_cold = False
                 body.keep_rate(rate, task.characteristic_rate)
@@ -247,14 +249,18 @@ class FlowSolver:
         self.seconds["assembly"] += perf_counter() - start
         return rate
 
-    def _respond(self, ratio: float, iteration: int) -> np.ndarray:
+    def _respond(self, ratio: float, iteration: int, stuck_from: int | None) -> np.ndarray:
         """Contact tractions at the present velocities; the resultant forces, (tools and pairs of bodies, k)."""
         body, settings = self.workpiece, self.settings
         grip = "new" if iteration == HELD_FROM or iteration == 1 and self.border is not None else \
             "follows" if iteration < HELD_FROM else "held"
+        stuck = grip
+        if stuck_from is not None and iteration >= stuck_from:
+            stuck = "before" if iteration == stuck_from else "held"
         start = perf_counter()          # the integrands of contact at its points, as those of the body: assembly
         for part in body.contacts:
-            part.respond(body.velocity, flow_stress=self._sigma_nodes, grip=grip,
+            of_part = {"grip": grip, "stuck": stuck} if part is body.contact else {"grip": grip}
+            part.respond(body.velocity, flow_stress=self._sigma_nodes, **of_part,
                          slip0=body.contact.slip0 * ratio / settings.regularisation)
         self.seconds["assembly"] += perf_counter() - start
         return self._resultants()

@@ -81,12 +81,16 @@ def follow_contact(state: PointState, before: np.ndarray, grip: str) -> None:
     than doubling: cycles of period three and four must lose pace too) · "held": as it is. Which points are closed is then
     the only question left, and has one answer, that of a convex potential: along a sticking die, where the pressure at a
     point hangs on the friction there, it is found where slower and slower changes are not. What opens or closes after that
-    rubs accordingly in the next solve.
+    rubs accordingly in the next solve. · "before": where a point pressed in the solve before, to be held at: a set that
+    no way of the iterations has part in. In a flash, what was closed in one iteration or in another made forces that differ
+    by 8 %.
     """
     if grip == "new":
         state.pace, state.grip = np.ones(len(state.grip)), state.active.astype(float)
     elif grip == "follows":
         state.pace, state.grip = _followed(*_plain(before, state.active, state.pace, state.grip))
+    elif grip == "before":
+        state.pace, state.grip = np.ones(len(state.grip)), state.before.astype(float)
 
 
 def slip_velocity(state: PointState, velocity: np.ndarray) -> np.ndarray:

@@ -292,13 +292,13 @@ class RigidContact:
         return False
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                slip0: float | None = None, grip: str = "new", held: bool = False) -> None:
+                slip0: float | None = None, grip: str = "new", stuck: str = "new", held: bool = False) -> None:
         """Contact tractions and tangents for nodal velocities (nodes, dim), written into the facet integrals.
 
         flow_stress : (nodes,) for friction that is limited by it; touching : gap below which every point is closed,
         for the first guess; slip0 : another slip regularisation, for the first guess and for continuation; grip : which
-        points friction acts at, see ``point_law.follow_contact``; held : for the first guess too, what was closed stays
-        closed.
+        points friction acts at, see ``point_law.follow_contact``; stuck : the same of tools that stick; held : for the
+        first guess too, what was closed stays closed.
         """
         v = self.facets.trace(velocity)
         self.slip0_now = slip0 = self.slip0 if slip0 is None else slip0
@@ -316,7 +316,7 @@ class RigidContact:
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
-                law.follow_contact(state, before, grip)
+                law.follow_contact(state, before, self._grip_of(tool, stuck if tool.sticks else grip))
                 limit = self.limit(tool)
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)
@@ -325,6 +325,11 @@ class RigidContact:
             traction += t
             tangent += k
         self.facets.set_traction(traction, tangent)
+
+    def _grip_of(self, tool: KnownTool, grip: str) -> str:
+        """The same; where a tool did not press before, "before" means "new". Collective where that is asked for."""
+        pressed = grip != "before" or total(self.facets.comm, float(np.count_nonzero(tool.state.before)))
+        return grip if pressed else "new"
 
     @property
     def sticks(self) -> bool:
