@@ -31,7 +31,8 @@ class FlowSolution:
 
 CONTINUATION = (1e-1, 1e-2)     # regularisations passed through where the direct way fails
 HELD_FROM = 12                  # iterations; from then on friction keeps to the points that were closed
-STUCK_FROM = 5                  # the same of warm starts along tools that stick, and to what pressed in the solve before
+STUCK_FROM = 8                  # the same of warm starts along tools that stick, and to what pressed in the solve before
+UNDAMPED = 4                    # iterations: so many more are then taken whole
 NEXT_TO_NONE = 1e-3             # of the force that makes a body flow
 UNBALANCED = 5.0                # of the force tolerance: what the forces on a body may differ by
 
@@ -142,11 +143,14 @@ class FlowSolver:
         rate = self._start(task, ratio, cold)
         force = self._resultants()
         lifting, force_change, velocity_change = not self._satisfied(), 0.0, 0.0
+        damping_from = settings.damping_from
+        if stuck_from is not None and contact is not None and contact.sticks:
+            damping_from = max(damping_from, stuck_from + UNDAMPED)
         renews, beside = settings.augmented and body.mass is not None and contact is not None, np.inf
         for iteration in range(1, settings.max_iterations + 1):
             self._assemble(lifting)
             lifting = False
-            share = 0.5 if contact is not None and iteration >= settings.damping_from and iteration % 2 == 0 else 1.0
+            share = 0.5 if contact is not None and iteration >= damping_from and iteration % 2 == 0 else 1.0
             self._linear_solve(settle=share == 1.0 and not (cold and iteration == 1))
             if self._search is not None and self.border is None and not (cold and iteration == 1):
                 share = min(share, self._search.share(self._residual_power))
