@@ -160,7 +160,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
                 from .tools.deformation import agree
                 iterations += agree(self, once)
         except ConvergenceError as failure:
-            raise self._explained(failure) from failure
+            from .explaining import explained
+            raise explained(self, failure) from failure
         if border is not None and self.solved_speed > 0:
             self.solved_speed = self.tool_speed()       # as fast as the solve has found them to be
         if self.inertia is not None:
@@ -219,21 +220,6 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
             made = self.heat.rates()
             rates |= made | {"temperature": self.heat.warming(made)}
         return rates
-
-    def _explained(self, failure: ConvergenceError) -> ConvergenceError:
-        """The failure, and its likely reason where one tool alone touches the body and nothing is on its far side."""
-        if self.contact is None:
-            return failure
-        pushes = {t.name: self.contact.facets.integral(
-            (t.state.gap <= NEAR * self.size)[:, None] * t.state.normal * self.contact.weights[:, None])
-            for t in self.tools}
-        pushes = {name: push for name, push in pushes.items() if np.any(push != 0)}
-        held = {c.component for c in self.workpiece.fixed}
-        if len(pushes) != 1 or any(int(np.argmax(np.abs(push))) in held for push in pushes.values()):
-            return failure
-        return ConvergenceError(f"{failure.sentence}; of the tools only '{next(iter(pushes))}' touches the body",
-                                history=failure.history, advice="if the body is free to move away from it, put what "
-                                "opposes it against the body: a tool, or a mirror plane by 'symmetry'")
 
     def rest(self) -> Flow:
         """No flow and no contact: nothing pushes the body."""

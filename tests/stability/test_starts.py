@@ -78,3 +78,31 @@ def test_a_strip_whose_corner_touches_the_roll_is_drawn_in():
     history = ff.simulate(scene).history
     force = history.column("force_roll_N_per_mm")
     assert force[-1] > 800 and np.all(np.diff(force[-3:]) > 0), "more and more of the strip is in the gap"
+
+
+def strip_before_a_roll(friction, entry=2.0, leaving=1.6, radius=100.0, bite=0.3):
+    """The upper half of a strip, nothing behind it; its front follows the roll over a part of the draught."""
+    centre = [0.0, radius + leaving / 2]
+    front = entry / 2 - bite * (entry - leaving) / 2
+    angle = np.linspace(np.arccos((centre[1] - entry / 2) / radius), np.arccos((centre[1] - front) / radius), 9)
+    arc = np.column_stack([-radius * np.sin(angle), centre[1] - radius * np.cos(angle)])
+    arc[:, 1] -= 1.01 * radius * (angle[0] - angle[1]) ** 2 / 8         # its chords stay out of the roll
+    back = arc[0, 0] - 4 * entry
+    scene = ff.Scene.read({
+        "geometry": "plane_strain", "materials": {"m": {"flow_stress": {"law": "constant", "value": 100}}},
+        "workpieces": {"strip": {"shape": {"kind": "polygon", "points": [
+            [back, 0.0], [arc[-1, 0], 0.0], *arc[::-1].tolist(), [back, arc[0, 1]]]}, "material": "m", "symmetry": ["y"],
+            "mesh_size": entry / 6}},
+        "tools": {"roll": {"shape": {"kind": "circle", "centre": centre, "radius": radius},
+                           "drive": {"kind": "roll", "centre": centre, "speed": 1.0},
+                           "friction": {"law": "coulomb", "coefficient": friction}}},
+        "steps": {"time": 2e-3}, "stop": {"time": 4e-3}, "output": {"fields_every": 0}})
+    return scene, np.sin(angle).mean()      # what a unit pressure pushes back; its rest, the cosine, is nearly one
+
+
+def test_rolls_that_cannot_bite_say_so_with_the_angle_of_friction():
+    """Nothing pushes the strip, and the mean angle at which the rolls touch it, 3.3 degrees, is above that of friction."""
+    strip, lean = strip_before_a_roll(0.05)
+    with pytest.raises(ff.ConvergenceError, match=r"leans by 3\.3 degrees .* friction holds up to 2\.9: it slips out"):
+        ff.simulate(strip)
+    assert np.degrees(np.arctan(lean)) == pytest.approx(3.3, abs=0.05) and np.degrees(np.arctan(0.05)) < 2.9
