@@ -515,3 +515,6 @@ def test_friction_that_is_held_does_not_follow_points_that_open_and_close():
     assert state.grip == pytest.approx([1, 0.5])
     point_law.follow_contact(state, before, "new")
     assert state.grip == pytest.approx([1, 0])
+    state.before = np.array([False, True])          # of the solve before, whatever the iterations of this one have closed
+    point_law.follow_contact(state, before, "before")
+    assert state.grip == pytest.approx([0, 1])
