@@ -4,7 +4,7 @@ import math
 
 from ..errors import SceneError
 from ..laws.described import unknown_word
-from .contacts import contact_problems, pair_problems, pair_warnings
+from .contacts import contact_problems, pair_problems, pair_warnings, part_warnings
 from .cooling import cooling_problems
 from .drive_checks import ratio_problems, stop_problems
 from .heat import flowless_problems, heat_problems, heat_warnings, tool_material
@@ -46,7 +46,7 @@ def check(scene):
     if problems:
         raise SceneError.joined(problems)
     return [*_unused(scene), *mesh_warnings(scene), *placement_warnings(scene), *pair_warnings(scene),
-            *library_warnings(scene), *heat_warnings(scene), *tool_mode_warnings(scene)]
+            *part_warnings(scene), *library_warnings(scene), *heat_warnings(scene), *tool_mode_warnings(scene)]
 
 
 def _name_problems(scene):

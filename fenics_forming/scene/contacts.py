@@ -11,6 +11,7 @@ from ..laws.described import Described, at_key, unknown_word
 from ..units import HeatTransferCoefficient, Length, NonNegative, Positive, refused
 
 ELEMENTS = ("integration_point", "node")
+SAME = 0.02      # of a drawn overlap: an interference that differs by less is that
 NEAR = 0.02      # of the size of a body: surfaces that are nearer than this at the start may touch
 
 
@@ -119,8 +120,24 @@ def pair_problems(scene):
 
 def drawn_overlap(scene, contact):
     """How deep the shapes of two workpieces in contact overlap as they are drawn, mm; 0 where their kinds do not tell."""
-    one, other = (scene.workpieces[name].shape for name in contact.between)
-    if any(shape.file is not None or not hasattr(shape, "depth") for shape in (one, other)):
+    return _depth_of_overlap(*(scene.workpieces[name].shape for name in contact.between))
+
+
+def part_warnings(scene):
+    """Sentences about interferences of parts of a tool that are not those their shapes are drawn with."""
+    parts = {name: part for tool in scene.tools.values() for name, part in tool.parts.items()}
+    for number, contact in enumerate(scene.contacts):
+        if not contact.says("interference") or not set(contact.between) <= parts.keys():
+            continue
+        one, other = contact.between
+        drawn = _depth_of_overlap(parts[one].shape, parts[other].shape)
+        if drawn > 1e-6 * np.ptp(parts[one].shape.bounds()) and abs(drawn - contact.interference) > SAME * drawn:
+            yield (f"contacts.{number}.interference: {contact.interference:.3g} mm takes the place of the overlap of "
+                   f"{drawn:.3g} mm that '{one}' and '{other}' are drawn with")
+
+
+def _depth_of_overlap(one, other):
+    if any(shape is None or shape.file is not None or not hasattr(shape, "depth") for shape in (one, other)):
         return 0.0
     depths = (a.depth(b.boundary_points(np.ptp(b.bounds(), axis=0).max() / 100)).max()
               for a, b in ((one, other), (other, one)))

@@ -1,6 +1,7 @@
 """Scenes in which nothing is formed: deformable tools under loads, interference and held displacements of their own."""
 
 from ..errors import SceneError
+from .contacts import part_warnings
 from .solid_checks import deforming_problems, solids_of, tool_point_problems
 
 
@@ -35,7 +36,7 @@ def tools_alone_problems(scene):
 
 def tools_alone_warnings(scene):
     """Sentences about what has no effect where nothing is formed."""
-    found = []
+    found = [*part_warnings(scene)]
     used = {solid.material for *_, solid in solids_of(scene)}
     for name in scene.materials:
         if name not in used:

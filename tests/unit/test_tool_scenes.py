@@ -31,6 +31,18 @@ def two_rings(**more):
                        contacts=[{"between": ["insert", "ring"], "interference": 0.04}])
 
 
+def test_interference_that_is_not_the_drawn_overlap_is_said_to_take_its_place():
+    for drawn, said in ((0.0, 0), (0.04, 0), (0.1, 1), (0.01, 1)):
+        values = two_rings()
+        values["tools"]["die"]["parts"]["insert"]["shape"] = RING | {"to": [RING["to"][0] + drawn, RING["to"][1]]}
+        found = check(scene.Scene.read(values))
+        assert len(found) == said, found
+        assert all(s.startswith(f"contacts.0.interference: 0.04 mm takes the place of the overlap of {drawn} mm") for s
+                   in found)
+    del values["contacts"][0]["interference"]
+    assert check(scene.Scene.read(values)) == []
+
+
 def meshed(values, name):
     described = scene.Scene.read(values)
     check(described)
