@@ -122,7 +122,8 @@ class FlowingBody(ToolSide, Touching, BodyVolume, BodyPowers, GoingBack):
         """
         if self.inverted():
             raise ConvergenceError("a cell of the mesh is inverted", advice="the mesh is too distorted: try a new mesh in "
-                                   "time (remesh = true of the workpiece), smaller steps, or stop earlier")
+                                   "time (remesh = true of the workpiece; where it is on, finer elements: tools may have "
+                                   "come nearer to each other than an element), smaller steps, or stop earlier")
         flow = self._flow(time, history, dt, ahead, gaps)
         self.rams.feel(self.contact, time)
         return flow

@@ -61,7 +61,7 @@ def _coefficient(body, tool) -> float:
         return 0.0
     stress = body.workpiece.flow_stress_at_points.x.array
     sums = total(body.nodes.comm, np.array([stress.sum(), stress.size]))
-    stress = sums[0] / sums[1]
+    stress = sums[0] / sums[1] if sums[0] > 0 else 1.0      # before the first solve there is none; any gives the share
     return float(tool.friction.limit(YIELDS * stress, stress)) / (YIELDS * stress)
 
 

@@ -8,6 +8,7 @@ from ..physics.parallel import lowest
 from ..process.approach import NEAR
 
 ADVICE = "mind where it starts, its direction and the stop"
+PULLED = "it went away from the body, and a tool only pushes: to pull, let it push behind a shoulder"
 EDGE = ("a point or an edge, on which no pressure acts: let more of the body lie on it at the start, "
         "or push the body on with another tool")
 
@@ -31,5 +32,10 @@ def untouched(run, rows: list[dict]) -> list[str]:
         return []
     name = min(gaps, key=gaps.get)
     where = f"'{name}' touches it in {EDGE}" if gaps[name] <= NEAR * body.size else \
-        f"'{name}' ends {gaps[name]:.3g} mm away: {ADVICE}"
+        f"'{name}' ends {gaps[name]:.3g} mm away: {PULLED if _went_away(gaps[name], rows, name, body.size) else ADVICE}"
     return [f"no tool ever pressed on the body, nothing was formed; {where}"]
+
+
+def _went_away(gap: float, rows: list[dict], name: str, size: float) -> bool:
+    """Whether all of the tool's stroke is the gap that it ends with: it touched, and moved straight away. mm."""
+    return abs(gap - rows[-1].get(f"stroke_{name}_mm", np.inf)) <= NEAR * size

@@ -31,7 +31,7 @@ def upsetting(lift, *, stroke, drive=None, direction=-1.0):
 
 
 @pytest.mark.parametrize("lift, stroke, direction, said", [
-    (5.0, 3.0, -1.0, "'p' ends 2 mm away"), (1.0, 3.0, 1.0, "'p' ends 4 mm away")])
+    (5.0, 3.0, -1.0, "'p' ends 2 mm away"), (1.0, 3.0, 1.0, "'p' ends 4 mm away"), (0.0, 3.0, 1.0, "a tool only pushes")])
 def test_a_run_in_which_no_tool_touches_says_so(lift, stroke, direction, said):
     heard = Listener()
     results = ff.simulate(upsetting(lift, stroke=stroke, direction=direction), observer=heard)
