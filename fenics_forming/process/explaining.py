@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ConvergenceError
+from ..laws.friction import SHEAR
 from ..physics.parallel import total
 from .approach import NEAR
 
@@ -56,13 +57,15 @@ def _push(body, tool) -> np.ndarray:
 
 
 def _coefficient(body, tool) -> float:
-    """Friction stress over pressure where the body flows between two tools. Collective."""
+    """Friction stress over pressure where the body flows between two tools; where it sticks, its own shear yield stress
+    over that pressure. Collective."""
     if not tool.has_friction:
         return 0.0
     stress = body.workpiece.flow_stress_at_points.x.array
     sums = total(body.nodes.comm, np.array([stress.sum(), stress.size]))
     stress = sums[0] / sums[1] if sums[0] > 0 else 1.0      # before the first solve there is none; any gives the share
-    return float(tool.friction.limit(YIELDS * stress, stress)) / (YIELDS * stress)
+    most = min(float(tool.friction.limit(YIELDS * stress, stress)), SHEAR * stress)
+    return most / (YIELDS * stress)
 
 
 def _slipping(along: float, up: float, across: float, borne: float) -> list[tuple[float, float]]:
