@@ -74,3 +74,44 @@ def test_wall_of_a_can_gets_new_meshes_to_the_end(tmp_path):
     # steady extrusion: once the wall stands, the force creeps up with friction and hardening, without jumps
     force = np.array([row["force_punch_N"] for row in rows if row["stroke_punch_mm"] > 3])
     assert np.abs(np.diff(force) / force[1:]).max() < 0.03
+
+
+DIE = """
+geometry = "axisymmetric"
+[materials.al]
+flow_stress = { law = "swift", K = "180 MPa", prestrain = 0.01, n = 0.2 }
+[workpieces.slug]
+shape = { kind = "rectangle", from = [0, 0], to = [10, 26] }
+material = "al"
+mesh_size = "1.5 mm"
+remesh = true
+[tools.lower]
+shape = { kind = "polyline", side = "left", fillet = [0, 0.6, 0.6, 0.6, 0.8, 0],
+          points = [[-1, 0], [13, 0], [13.7, 7], [16.7, 7], [17.7, 5], [30, 5]] }
+friction = FRICTION
+[tools.upper]
+shape = { kind = "polyline", side = "right", fillet = [0, 0.6, 0.6, 0.6, 0.8, 0],
+          points = [[-1, 26], [13, 26], [13.7, 19], [16.7, 19], [17.7, 21], [30, 21]] }
+friction = FRICTION
+drive = { kind = "speed", velocity = [0, "-50 mm/s"] }
+[steps]
+stroke = "0.5 mm"
+[stop]
+stroke = "11 mm"
+"""
+
+
+def test_a_die_that_rubs_with_all_of_k_presses_as_one_that_sticks(tmp_path):
+    """A factor of 1 lets metal slip only where the shear reaches its yield stress, where what sticks yields as well."""
+    ends = []
+    for friction in ('{ law = "sticking" }', '{ law = "siebel", factor = 1.0 }'):
+        path = tmp_path / "die.toml"
+        path.write_text(DIE.replace("FRICTION", friction).replace(",\n          points", ", points"), encoding="utf-8")
+        rows = ff.simulate(ff.read_scene(path)).history.rows
+        assert rows[-1]["stroke_upper_mm"] == pytest.approx(11, abs=1e-9)
+        assert abs(rows[-1]["volume_error_slug"]) < 1e-10
+        ends.append([row["force_upper_N"] for row in rows])
+    ratio = np.divide(*ends)
+    assert abs(ratio[:-1].mean() - 1) < 0.003       # before the cavity is full only what slips below the regularisation,
+    assert np.abs(ratio[:-1] - 1).max() < 0.02      # and points that land on the walls in another step
+    assert abs(ratio[-1] - 1) < 0.1                 # the flash doubles the force in the last step of 0.5 mm
