@@ -262,7 +262,7 @@ class Inertia:
                 (("start", self._of_start), ("settled", self._settled), ("last", self._last), ("first", first))}
         numbers = {"times": [began.time, self.before.time, self.now.time], "is_start": self.is_start, "sums": sums,
                    "most_momentum": self._most_momentum.tolist(),
-                   "speeds": [self._speed, self._speed_before, self._greatest],
+                   "speeds": [self._speed, self._speed_before, self._greatest], "surface_mass": self._surface_mass,
                    "has_halves": self._half is not None and self._half[2] == self.before.time}
         velocities = {"began": began, "before": self.before, "now": self.now}
         return numbers, {f"{name}.velocity": moment.velocity for name, moment in velocities.items()}, \
@@ -277,9 +277,14 @@ class Inertia:
             for n in ("start", "settled", "last", "first"))
         self._half = (began, first, self.before.time) if numbers["has_halves"] else None
         self.is_start, self._most_momentum = numbers["is_start"], np.array(numbers["most_momentum"])
-        self._speed, self._speed_before, self._greatest = numbers["speeds"]
+        self.remember_speeds(numbers)
+        self._surface_mass = numbers["surface_mass"]
         self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)
         self.mass.follow()
+
+    def remember_speeds(self, numbers: dict) -> None:
+        """Take over the speeds alone: a search, which finds its own, may have come between."""
+        self._speed, self._speed_before, self._greatest = numbers["speeds"]
 
     def continues(self, other: Inertia, before: np.ndarray, now: np.ndarray, flow: np.ndarray) -> None:
         """Go on as ``other`` did on another mesh, from whose nodes the velocities before, now and of the last flow were

@@ -81,6 +81,9 @@ def resumed(run, checkpoint: Checkpoint) -> State:
                                                  if name.startswith("inertia.")}, cellwise)
     workpiece.is_cold = saved["at_rest"]        # tools that yield keep their rates in the search
     body.search(run.scheme.look_ahead * saved["dt"])
+    if body.inertia is not None:
+        body.speed = saved["speed"]
+        body.inertia.remember_speeds(saved["inertia"])
     if saved["at_rest"]:
         flow = body.rest()
     else:

@@ -61,6 +61,20 @@ class Interrupt:
 
 
 @pytest.mark.parametrize("scheme", ["implicit", "etd2"])
+def test_a_run_resumed_without_a_remeshing_after_it_is_the_uninterrupted_one(rod, tmp_path, scheme):
+    """The penalty has the inertia of the surface as the mesh began and the speed of the last solve: with those found anew
+    at the break the force was 2e-6 off. The far end, which hardly flows, is left to the round-off of its stress."""
+    scene = read_scene(rod, set=[f"steps.scheme='{scheme}'", "workpieces.rod.remesh=false", "stop.time='9 us'"])
+    whole = simulate(scene)
+    with pytest.raises(KeyboardInterrupt):
+        Simulation(scene).run(tmp_path / "out", observer=Interrupt(3))
+    resumed = Simulation(scene, resume=tmp_path / "out" / "checkpoint.npz").run(tmp_path / "out")
+    for name in ("force_wall_N", "tail_z_mm"):
+        there, here = (run.history.column(name) for run in (whole, resumed))
+        assert np.abs(here - there).max() < BETWEEN * np.abs(there).max(), name
+
+
+@pytest.mark.parametrize("scheme", ["implicit", "etd2"])
 def test_a_resumed_run_is_the_uninterrupted_one(rod, tmp_path, scheme):
     """Velocities before and now, the mass of every point, energies and impulses are in the checkpoint."""
     scene = read_scene(rod, set=[f"steps.scheme='{scheme}'"])
