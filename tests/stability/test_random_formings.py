@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fenics_forming import simulate
 from fenics_forming.errors import ConvergenceError
 from fenics_forming.scene import Scene
+from tests.stability import bounds
 from tests.stability.scenes import balanced
 
 pytestmark = pytest.mark.long
@@ -206,7 +207,8 @@ LOSSY = {"explicit": 0.1, "etd2": 0.03}      # of the volume, in six steps to a 
 
 
 def check_laws(scene: Scene, results) -> None:
-    """Finite numbers; volume, power; strains that grow; tools that push, metal and friction that take power."""
+    """Finite numbers; volume, power; strains that grow; tools that push, metal and friction that take power; forces between
+    their bounds where those are known."""
     history = results.history
     forces = np.array([history.column(name) for name in history.columns if name.startswith("force_")])
     # of a tool that does not press there is no power to balance: a bar that is only on its way
@@ -217,6 +219,39 @@ def check_laws(scene: Scene, results) -> None:
     for name, power in results.summary["ledger"]["power"]["last_mW"].items():
         if name in ("plastic", "friction"):
             assert power >= -1e-9 * abs(results.summary["ledger"]["power"]["last_mW"]["tools"]), f"{name} takes power"
+    if (known := force_bounds(scene)) is not None:
+        tool, least, most = known
+        force = next(history.column(name) for name in history.columns if name.startswith(f"force_{tool}_"))[0]
+        assert least < force < most, "of the first flow: between the bounds"
+
+
+def force_bounds(scene: Scene) -> tuple[str, float, float] | None:
+    """A tool and the bounds of its force in the first flow; None where none are known.
+
+    Points that land in the first step, on the fillet of a stamp or at the ends of an arc, add to the force: of a stamp only
+    the bound from below is told. A roll presses on an arc that its strip follows in chords.
+    """
+    body, tools = scene.workpieces["b"], scene.tools
+    if bounds.yield_stress(scene) is None:
+        return None
+    if scene.title == "rolling":
+        (_, entry), radius = np.max(body.shape.points, axis=0), tools["roll"].shape.radius
+        draft = 2 * entry - 2 * body.shape.points[2][1]
+        least, most = bounds.of_rolling(scene, np.sqrt(radius * draft), 2 * entry - draft / 2)
+        return "roll", 0.95 * least, most
+    if body.shape.kind not in ("rectangle", "box") or \
+            scene.title not in ("from_both_sides", "filling", "punching", "in_space"):
+        return None
+    upper, lower = tools["upper"], tools["lower"]
+    if scene.title == "punching":
+        flat = upper.shape.to[0] - upper.shape.fillet if upper.shape.kind == "rectangle" else 0.0
+        return "upper", 0.995 * bounds.of_stamping(scene, flat), np.inf
+    square = len({*body.shape.to[:-1]}) == 1
+    if upper.shape.kind != "plane" or not square or lower.drive is not None and lower.drive.kind == "spring":
+        return None
+    width, height = body.shape.to[0], body.shape.to[-1]
+    least, most = bounds.of_upsetting(scene, width, height, bounds.factor(upper) + bounds.factor(lower))
+    return "upper", 0.995 * least, 1.005 * most
 
 
 @settings(max_examples=16, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

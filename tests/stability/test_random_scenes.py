@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from fenics_forming import simulate
 from fenics_forming.errors import ConvergenceError
 from fenics_forming.scene import Scene
+from tests.stability import bounds
 from tests.stability.scenes import balanced
 
 pytestmark = pytest.mark.long
@@ -89,28 +90,13 @@ def check_laws(scene: Scene, results) -> None:
 
 
 def first_force(scene: Scene) -> tuple[float, float] | None:
-    r"""Bounds of the force at the start on a block or cylinder between plates, for metals with a yield stress.
-
-    From below :math:`\int\bar\sigma\dot{\bar\varepsilon}\ge\sigma A v`, :math:`2/\sqrt3` times that in plane strain; from
-    above the power of uniform flow with the friction factors of both plates, 1 where friction is at most k (3.1).
-    """
-    body, law = scene.workpieces["b"], scene.materials["m"].flow_stress
+    """Bounds of the force at the start on a block or cylinder between plates, for metals with a yield stress."""
+    body, plates = scene.workpieces["b"], list(scene.tools.values())
     low, high = np.array(body.shape.from_), np.array(body.shape.to)
-    plates = list(scene.tools.values())
-    if law.law not in ("constant", "linear") or low[0] > 0 or any(tool.shape.kind != "plane" for tool in plates):
+    if bounds.yield_stress(scene) is None or low[0] > 0 or any(tool.shape.kind != "plane" for tool in plates):
         return None
-    stress = law.value if law.law == "constant" else law.initial
-    width, height = high[0], high[-1] * (2 if len(plates) == 1 else 1)
-    factors = sum({"none": lambda f: 0.0, "siebel": lambda f: f.factor}.get(tool.friction.law, lambda f: 1.0)(tool.friction)
-                  for tool in plates) * (2 if len(plates) == 1 else 1)
-    if scene.geometry == "plane_strain":
-        least = 2 / np.sqrt(3) * stress * 2 * width
-        return least, least * (1 + factors * width / (4 * height))
-    if scene.geometry == "axisymmetric":
-        least = stress * np.pi * width**2
-        return least, least * (1 + factors * width / (3 * np.sqrt(3) * height))
-    # points of a square of side 1 are in the mean 0.3826 away from its middle
-    return stress * 4 * width**2, stress * 4 * width**2 * (1 + factors * 0.3826 * width / (np.sqrt(3) * height))
+    both = 2 if len(plates) == 1 else 1
+    return bounds.of_upsetting(scene, high[0], high[-1] * both, sum(map(bounds.factor, plates)) * both)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
