@@ -160,6 +160,12 @@ class ContactFacets:
         sums = self._nodes.sum_over_ranks(sums)
         return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(count), where=sums[:, 1] > 0)
 
+    def loaded_to_nodes(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """The same means over the facets alone that carry something: on the rim of a platen that of the face under it,
+        where a mean with the free side beside it would be half of that."""
+        loaded = (values.reshape(-1, self.points_per_facet) != 0).any(axis=1)
+        return self.to_nodes(values, weights * np.repeat(loaded, self.points_per_facet))
+
     def smooth(self, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Values at the points replaced by the interpolation of their nodal means."""
         nodal = self.to_nodes(values, weights)

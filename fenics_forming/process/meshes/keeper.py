@@ -148,7 +148,8 @@ def _carried(body: FlowingBody, history: dict, flow: Flow, remembered: dict) -> 
     if body.inertia is not None:
         carried.quadratic |= {"before.velocity": body.inertia.before.velocity, "now.velocity": body.inertia.velocity}
     for tool in body.tools:
-        carried.linear[f"pressure.{tool.name}"] = body.contact.facets.to_nodes(tool.state.pressure, body.contact.weights)
+        pressure = body.contact.facets.loaded_to_nodes(tool.state.pressure, body.contact.weights)
+        carried.linear[f"pressure.{tool.name}"] = pressure
     if body.interfaces is not None:
         carried.linear |= {f"between.{name}": values for name, values in body.interfaces.nodal_pressures().items()}
     for name, values in remembered.items():
