@@ -232,7 +232,6 @@ def test_sides_turn_by_what_their_displacements_turn_them_whatever_stretches_the
     assert _own_spins(x, u, turns) == pytest.approx(angles, abs=1e-12)
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="not cured yet: the order of the sides decides")
 def test_a_point_beside_an_edge_meets_the_face_that_it_lies_before_whatever_the_order_of_the_sides():
     """Both faces are equally near. The order of the sides hangs on the number of ranks: two blocks in space, one of which
     slides over the edges of the other, had forces 1e-3 apart on one and two."""

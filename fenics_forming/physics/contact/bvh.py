@@ -155,7 +155,20 @@ def _closest_on_triangle(t, i, x, c):
 
 
 @_compile
-def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0):
+def _height2(t, i, x, c):
+    """Squared part of x - c, c on triangle i, that is square to its plane; to its line where it has no width."""
+    ab, ac = t[i, 1] - t[i, 0], t[i, 2] - t[i, 0]
+    n0, n1, n2 = ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]
+    a0, a1, a2 = x[0] - c[0], x[1] - c[1], x[2] - c[2]
+    length2 = n0 * n0 + n1 * n1 + n2 * n2
+    if length2 > 0:
+        return (a0 * n0 + a1 * n1 + a2 * n2) ** 2 / length2
+    along2 = (a0 * ab[0] + a1 * ab[1] + a2 * ab[2]) ** 2 / (ab[0] ** 2 + ab[1] ** 2 + ab[2] ** 2)
+    return a0 * a0 + a1 * a1 + a2 * a2 - along2
+
+
+@_compile
+def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0, upright=False):
     """Nearest triangle of every point.
 
     Parameters
@@ -169,6 +182,9 @@ def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0)
         Squared distance beyond which nothing is looked for.
     slack : float
         Of the squared distance: among triangles that are as near but for that, the one of the lowest number is taken.
+    upright : bool
+        Of those the one is taken instead that the point is most nearly above: beside the edge of two faces that of the face
+        which it lies before.
 
     Returns
     -------
@@ -183,7 +199,7 @@ def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0)
     nearest, feature, closest = np.full(n, -1), np.zeros(n, np.int64), np.zeros((n, 3))
     stack, reach, c = np.empty((64, 3), np.int64), np.empty(64), np.empty(3)
     for p in range(n):
-        x, best = points[p], within
+        x, best, at = points[p], within, 0
         stack[0, 0], stack[0, 1], stack[0, 2], reach[0], top = 0, 0, len(order), 0.0, 1
         while top > 0:
             top -= 1
@@ -196,8 +212,13 @@ def nearest_triangles(triangles, order, boxes, points, within=np.inf, slack=0.0)
             for i in range(lo, hi):
                 kind = _closest_on_triangle(triangles, i, x, c)
                 distance2 = (x[0] - c[0]) ** 2 + (x[1] - c[1]) ** 2 + (x[2] - c[2]) ** 2
-                alike = slack > 0 and nearest[p] > order[i] and distance2 <= best * (1 + slack)
+                alike = slack > 0 and nearest[p] >= 0 and distance2 <= best * (1 + slack)
+                if alike and upright:
+                    alike = _height2(triangles, i, x, c) > _height2(triangles, at, x, closest[p]) + slack * best
+                elif alike:
+                    alike = nearest[p] > order[i]
                 if distance2 < best * (1 - slack) or alike:
+                    at = i
                     best, nearest[p], feature[p] = min(best, distance2), order[i], kind
                     closest[p, 0], closest[p, 1], closest[p, 2] = c[0], c[1], c[2]
     return nearest, feature, closest

@@ -12,6 +12,9 @@ from .feet import find_feet
 
 PIECES = 4          # flat pieces along the edge of a facet, for the search
 SLACK = 0.25        # of the size of a facet: flat pieces are nearer to a point than the facet itself, by less than that
+# Of the squared distance: beside an edge both faces are as near as rounding has it, and the order of the sides hangs on the
+# number of ranks; the face that the point lies before takes it.
+ALIKE = 1e-6
 OVERHANG = 1e-6     # of the size of a facet: a point that reaches farther over the rim of the surface is not over it
 
 
@@ -64,7 +67,8 @@ class CapturingSurface:
     def capture(self, points: np.ndarray, reach: float = np.inf) -> Captured:
         """Sides and feet for points (k, dim), mm; what is farther off than ``reach``, mm, is over nothing."""
         within = (reach + SLACK * self._size.max(initial=0.0)) ** 2
-        piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)), within)
+        piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)), within,
+                                               ALIKE, True)
         some = np.flatnonzero(piece >= 0)
         facet, part = np.divmod(piece[some], len(self._pieces))
         off = closest[some, : self.dim] - points[some]
