@@ -196,6 +196,11 @@ def test_random_assembly_keeps_its_laws_or_says_why_it_cannot_go_on(values):
     except ConvergenceError as failure:
         assert failure.sentence and failure.advice
         return
+    check_layers(scene, run, history)
+
+
+def check_layers(scene: Scene, run: Simulation, history) -> None:
+    """The laws of an assembly that has been run."""
     for name in history.columns:
         assert np.isfinite(history.column(name)).all(), name
     for name in scene.workpieces:
@@ -203,7 +208,7 @@ def test_random_assembly_keeps_its_laws_or_says_why_it_cannot_go_on(values):
     assert np.abs(history.column("power_imbalance")).max() < 1e-2
     force = next(history.column(name) for name in history.columns if name.startswith("force_upper"))
     assert force.min() > -1e-6 * force.max()
-    if values["workpieces"]["two"]["shape"]["from"][0] == 0.0:
+    if scene.workpieces["two"].shape.from_[0] == 0.0:
         # the column of a contact is the sum of its pressure, and a sheared interface does not stay level; what is about to
         # land is in the contact's force, not in the recorded one of the tool: 5e-4 in the worst of forty
         along = np.abs(run.body.interfaces.resultants()[:, -1]) * (2 if "x" in run.scene.workpieces["one"].symmetry else 1)

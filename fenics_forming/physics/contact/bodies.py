@@ -33,6 +33,7 @@ from .capture import CapturingSurface
 from .carriers import Carriers, means
 from .gap_operator import NodeTraces, gap_operator
 from .gap_rows import gap_rows, lesser_sums
+from .overhanging import END, reaching_over, shortest_edges
 from .slave_points import SlavePoints
 
 ELEMENTS = ("integration_point", "node")
@@ -124,21 +125,29 @@ class BodyContact:
         at = self.points.trace(x)
         master = everywhere(self.nodes.comm, x[self._master])
         if self._surface_of_master is None:
-            self._surface_of_master = CapturingSurface(master, self._numbers)
+            self._surface_of_master = CapturingSurface(master, self._numbers, with_edges=True)
         else:
             self._surface_of_master.follow(master)
-        self._found = found = self._surface_of_master.capture(at, reach + self.interference)
+        found = self._surface_of_master.capture(at, reach + self.interference)
         self.point_weights, outward = self._surface(x)
+        left = 1.0
+        if self.element == "node":
+            found, left = reaching_over(self._surface_of_master, found, at, outward, self._reach_of_ends(x))
+        self._found = found
         facing = np.einsum("pi,pi->p", outward, found.normal) < FACING
         gap = np.where(found.over & facing, found.gap - self.interference, np.inf)
         gap[gap > reach] = np.inf
         self.point_gap, self._near = gap, np.isfinite(gap)
         beyond = np.maximum(np.where(self._near, gap, 0.0) - soon, 0.0) / fade
-        self._counted = np.where(self._near, self.point_weights / (1.0 + beyond**2) ** 2, 0.0)
+        self._counted = np.where(self._near, left * self.point_weights / (1.0 + beyond**2) ** 2, 0.0)
         self._normals = self.points.corner_normals(x)
         self._find_frames()
         self._carry()
         self.seconds += process_time() - start
+
+    def _reach_of_ends(self, x: np.ndarray) -> np.ndarray:
+        """How far the nodes of the sides may reach over the rim of the master, (points,) mm: only those of ends may."""
+        return (self.carriers.ends() * (END * shortest_edges(x[self.points.sides[:, : self.dim]]))[:, None]).ravel()
 
     def _surface(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Surface of the points, (points,), and outward normals, (points, dim)."""

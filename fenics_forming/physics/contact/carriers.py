@@ -19,6 +19,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from ..nodes import EDGES
 from ..parallel import total
 
 SMOOTH = 0.75       # cosine between normals of neighbouring sides at a common node; below it their edge is sharp
@@ -77,6 +78,19 @@ class Carriers:
         own = self._edges[self.own_sides]
         flags[:, : own.shape[1]] = self._sharp[own]
         return flags
+
+    def ends(self) -> np.ndarray:
+        """Whether the surface ends at, or turns sharply beside, the nodes of this rank's sides, (f, corners)."""
+        single = np.bincount(self._edge, minlength=len(self._sharp)) == 0
+        at = (self._sharp | single)[self._edges[self.own_sides]]        # of the edge opposite to each vertex
+        dim = at.shape[1]
+        ends = np.zeros(self._shape, bool)
+        for vertex in range(dim):
+            ends[:, vertex] = np.delete(at, vertex, axis=1).any(axis=1)
+        if self._shape[1] > dim and dim == 3:
+            for mid, between in enumerate(EDGES[dim - 1]):
+                ends[:, dim + mid] = at[:, 3 - sum(between)]
+        return ends
 
     def sharpen(self, flags: np.ndarray) -> None:
         """Make edges sharp that were so in an earlier run (:meth:`sharp_edges`). Collective."""

@@ -43,10 +43,9 @@ def _on_side(side, shapes, slopes, foot, tangents):
 
 
 @_compile
-def _advanced(inner, away, tangents):
-    """A Gauss-Newton step of the barycentric coordinates towards the nearest place, within the side; by how much they
-    change at most."""
-    dim = inner.size
+def _along_side(away, tangents):
+    """By how much the last barycentric coordinates change on the way along the tangents that ``away`` goes."""
+    dim = away.size
     m00 = m01 = m11 = r0 = r1 = 0.0
     for i in range(dim):
         r0 += tangents[0, i] * away[i]
@@ -58,10 +57,17 @@ def _advanced(inner, away, tangents):
     least = FLAT * (m00 + m11)
     m00, m11 = m00 + least, m11 + least
     if dim == 2:
-        s0, s1 = r0 / m00, 0.0
-    else:
-        det = m00 * m11 - m01 * m01
-        s0, s1 = (m11 * r0 - m01 * r1) / det, (m00 * r1 - m01 * r0) / det
+        return r0 / m00, 0.0
+    det = m00 * m11 - m01 * m01
+    return (m11 * r0 - m01 * r1) / det, (m00 * r1 - m01 * r0) / det
+
+
+@_compile
+def _advanced(inner, away, tangents):
+    """A Gauss-Newton step of the barycentric coordinates towards the nearest place, within the side; by how much they
+    change at most."""
+    dim = inner.size
+    s0, s1 = _along_side(away, tangents)
     whole = change = 0.0
     for k in range(dim):
         free = inner[k] + (-(s0 + s1) if k == 0 else (s0 if k == 1 else s1))
@@ -74,22 +80,25 @@ def _advanced(inner, away, tangents):
 
 
 @_compile
-def find_feet(points, facet, start, nodes, ends, rim, overhang):
+def find_feet(points, facet, start, nodes, ends, rim, reach):
     """Feet of points on given quadratic sides.
+
+    The shapes of a point beside the rim are those of the tangent that goes on beyond it, so that its foot is below it and
+    moments balance.
 
     Parameters
     ----------
     points : (k, dim) · facet : (k,) side of each · start : (k, dim) barycentric coordinates there
     nodes : (f, n, dim) of the sides · ends : (edges, 2) vertices at whose middle the mid-nodes are
-    rim : (f, dim) whether no side is beyond the edge opposite to a vertex
-    overhang : (f,) mm, by which a point may reach over the rim
+    rim : (f, dim) whether the surface ends, or turns sharply, at the edge opposite to a vertex
+    reach : (k,) mm, by which a point may reach over the rim and still have a foot beyond it
 
     Returns
     -------
-    shapes (k, n) at the feet, gap (k,) along the outward normal (k, dim), and over (k,): not beyond the rim
+    shapes (k, n) at the feet, gap (k,) along the outward normal (k, dim), and how far they are beyond the rim (k,), mm
     """
     count, dim, n = len(points), points.shape[1], nodes.shape[1]
-    shapes, gap, normal, over = np.empty((count, n)), np.empty(count), np.empty((count, dim)), np.empty(count, np.bool_)
+    shapes, gap, normal, beyond = np.empty((count, n)), np.empty(count), np.empty((count, dim)), np.zeros(count)
     slopes, foot, tangents, away = np.empty((n, dim - 1)), np.empty(dim), np.empty((dim - 1, dim)), np.empty(dim)
     inner = np.empty(dim)
     for p in range(count):
@@ -117,5 +126,11 @@ def find_feet(points, facet, start, nodes, ends, rim, overhang):
         for i in range(dim):
             beside += (away[i] - gap[p] * normal[p, i]) ** 2
             at_rim = at_rim or (inner[i] < ON_EDGE and rim[facet[p], i])
-        over[p] = not (at_rim and np.sqrt(beside) > overhang[facet[p]])
-    return shapes, gap, normal, over
+        if at_rim:
+            beyond[p] = np.sqrt(beside)
+            if beyond[p] <= reach[p]:
+                way = _along_side(away, tangents)
+                for a in range(n):
+                    for t in range(dim - 1):
+                        shapes[p, a] += slopes[a, t] * way[t]
+    return shapes, gap, normal, beyond
