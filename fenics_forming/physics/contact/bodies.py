@@ -125,7 +125,8 @@ class BodyContact:
         at = self.points.trace(x)
         master = everywhere(self.nodes.comm, x[self._master])
         if self._surface_of_master is None:
-            self._surface_of_master = CapturingSurface(master, self._numbers, with_edges=True)
+            self._surface_of_master = CapturingSurface(master, self._numbers,
+                                                       with_edges=self.element == "node")
         else:
             self._surface_of_master.follow(master)
         found = self._surface_of_master.capture(at, reach + self.interference)
