@@ -16,12 +16,15 @@ import numpy as np
 
 from . import shifting
 
+GRADUAL = 0.01  # of a step: how long before its end tools that come to rest there still make the body flow
+
 
 @dataclass(frozen=True)
 class Flow:
     """The flow at one instant, by nodes: velocity (n, d) mm/s, rates of the history (n,) 1/s, iterations spent.
 
-    share : of the flow that was solved for, where rams slow down in a step · pace : their mean speed in it, mm/s; else 1
+    share : of the flow that was solved for, where tools change their speed in a step · pace : their mean speed in it,
+    mm/s; else 1
     """
 
     velocity: np.ndarray
@@ -67,6 +70,12 @@ class Body(Protocol):
     def frozen(self, values: np.ndarray): ...
 
     def turn(self, before: np.ndarray) -> None: ...
+
+    def pace(self, at: float, time: float, dt: float): ...
+
+    def lapse(self, time: float, dt: float, share: float) -> float: ...
+
+    def comes_to_rest(self, time: float, dt: float) -> bool: ...
 
 
 def advanced(history: dict[str, np.ndarray], *parts: tuple[float, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -133,6 +142,7 @@ class Explicit(Scheme):
     look_ahead = 1.0
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
+        start = body.pace(time, time, dt).of(start)
         self.carry(body, body.x.copy(), self.carried(body, start.velocity, dt, "start"), dt, time + dt)
         return StepEnd(advanced(history, (dt, start.rates)), 0, 0, None, np.inf)
 
@@ -186,13 +196,14 @@ class Etd2(Scheme):
             self._rates = {name.removeprefix("rate."): rate for name, rate in nodal.items() if name.startswith("rate.")}
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
+        start = body.pace(time, time, dt).of(start)
         x, gradient = body.x.copy(), start.share * body.velocity_gradient()
         memory, rates, middle = self._memory, self._rates, None
         if memory is None:      # half a step ahead instead of a step back
             middle = self._half_way(body, start, time, history, dt, x, gradient)
             memory = shifting.FlowMemory(middle.velocity, body.velocity_gradient(), body.x.copy(), -dt / 2)
             rates = middle.rates
-        elif start.pace != memory.pace:
+        elif start.pace != memory.pace and 1.0 not in (start.pace, memory.pace):
             rates = {name: start.pace / memory.pace * rate for name, rate in rates.items()}
             memory = memory.at_pace(start.pace)
         body.x[:] = shifting.etd2(x, start.velocity, gradient, dt, memory)
@@ -225,8 +236,12 @@ class Midpoint(Scheme):
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
         x0, gaps = body.x.copy(), body.gaps()
-        self.carry(body, x0, self.carried(body, start.velocity, dt / 2, "start"), dt / 2, time + dt / 2)
-        middle = body.solve(time + dt / 2, advanced(history, (dt / 2, start.rates)), dt, gaps=gaps)
+        half = body.lapse(time, dt, 0.5)
+        there = time + half
+        first, pace = body.pace(time, time, half).of(start), body.pace(there, time, dt)
+        self.carry(body, x0, self.carried(body, first.velocity, half, "start"), half, there)
+        middle = body.solve(there, advanced(history, (half, first.rates)), pace.share * dt, gaps=gaps)
+        middle = pace.of(middle)
         self.carry(body, x0, self.carried(body, middle.velocity, dt, "middle"), dt, time + dt)
         error = dt * float(np.abs(middle.velocity - start.velocity).max())
         return StepEnd(advanced(history, (dt, middle.rates)), middle.iterations, 1, None, error)
@@ -246,13 +261,18 @@ class Trapezoid(Scheme):
         x0 = body.x.copy()
         size = np.ptp(x0, axis=0).max()
         end, spent, solves, error = start, 0, 0, np.inf
+        start = body.pace(time, time, dt).of(start)
         first = self.carried(body, start.velocity, dt, "start")
+        # where the tools turn at the end of the step: not yet turned; where they come to rest there: while there is a flow
+        last = time + (1 - (GRADUAL if body.comes_to_rest(time, dt) else 1e-12)) * dt
+        pace = body.pace(last, time, dt)
         body.average()
         target = shifting.explicit(x0, first, dt)
         for k in range(self.passes):
             body.x[:] = target
-            body.place(time + (1 - 1e-12) * dt)    # where the tools turn at the end of the step: not yet turned
-            end = body.solve(time + dt, advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), dt)
+            body.place(last)
+            end = body.solve(time + dt, advanced(history, (dt / 2, start.rates), (dt / 2, end.rates)), pace.share * dt)
+            end = pace.of(end)
             spent, solves = spent + end.iterations, solves + 1
             corrected = shifting.explicit(x0, 0.5 * (first + self.carried(body, end.velocity, dt, "end")), dt)
             change = float(np.abs(corrected - target).max())

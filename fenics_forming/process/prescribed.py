@@ -10,6 +10,7 @@ from ..physics.kinematics import KINDS, Kinematics
 from ..physics.nodes import Nodes
 from .frozen import FrozenField
 from .integration import Flow, Scheme
+from .pace import Pace
 
 
 class PrescribedFlow:
@@ -50,6 +51,16 @@ class PrescribedFlow:
 
     def average(self) -> None:
         """Its tools go where they are told to."""
+
+    def pace(self, at: float, time: float, dt: float) -> Pace:
+        """Its field knows of its own how fast it is at any time."""
+        return Pace()
+
+    def lapse(self, time: float, dt: float, share: float) -> float:
+        return share * dt
+
+    def comes_to_rest(self, time: float, dt: float) -> bool:
+        return False
 
     def velocity_gradient(self) -> np.ndarray:
         return self.nodes.gradient(self._velocity)

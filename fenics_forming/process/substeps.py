@@ -46,6 +46,7 @@ class Substeps(Scheme):
             self._last, self._last_dt = dict(nodal), numbers["dt"]
 
     def advance(self, body: Body, start: Flow, time: float, history: dict, dt: float) -> StepEnd:
+        start = body.pace(time, time, dt).of(start)
         h, x0 = dt / self.count, body.x.copy()
         values, by_midpoint = self._values(body, start), self.rule == "midpoint"
         field = body.frozen(values)
@@ -60,7 +61,7 @@ class Substeps(Scheme):
                 here = field.at(x + 0.5 * h * self._mean(here, x.shape[1], 0.5 * h, "start"))
                 here[:, :known] += (s + 0.5) * h * change
             body.x[:] = x + h * self._mean(here, x.shape[1], h, "middle" if by_midpoint else "start")
-            body.place(time + (s + 1) * h, slack)
+            body.place(time + body.lapse(time, dt, (s + 1) / self.count), slack)
             parts.append((h, dict(zip(start.rates, here[:, x.shape[1]:].T, strict=False))))
         if by_midpoint:
             rates = {f"rate.{name}": rate for name, rate in start.rates.items()}

@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from ..physics.contact.rigid import ToolMotion
+from .pace import Pace, come_to_rest, lapse, mean_pace
 from .shifting import put_on_tools
 
 
@@ -34,6 +35,24 @@ class ToolSide:
                 tool.free.settle(time)
             if tool.deformation is not None:
                 tool.deformation.settle()
+
+    def pace(self, at: float, time: float, dt: float) -> Pace:
+        """Of the tools in the step from ``time`` on, for a flow found ``at`` a time; where they alone drive it."""
+        return mean_pace(self._drives, at, time, dt) if self._driven_by_tools else Pace()
+
+    def lapse(self, time: float, dt: float, share: float) -> float:
+        """How long the tools take for a share of their way in the step from ``time`` on; where they alone drive it."""
+        return lapse(self._drives, time, dt, share) if self._driven_by_tools else share * dt
+
+    def comes_to_rest(self, time: float, dt: float) -> bool:
+        """Whether all tools, and so the body, rest at the end of the step from ``time`` on."""
+        return self._driven_by_tools and come_to_rest(self._drives, time, dt)
+
+    @property
+    def _driven_by_tools(self) -> bool:
+        """Whether motions that are known functions of time, and nothing else, make the body flow."""
+        known = not self.rams.by_tool and all(tool.free is None for tool in self.tools)
+        return bool(self.tools) and known and self.inertia is None and not self._flows_by_itself
 
     @property
     def deformations(self) -> list:

@@ -179,7 +179,10 @@ class Stepper:
         turns = time in self.stops.turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
-        body.move_tools(self.stops.just_before(time, dt) if turns else time)
+        at = self.stops.just_before(time, dt) if turns else time
+        body.move_tools(at)
+        # contact looks ahead by the way of the tools: theirs to come, or where they come to rest the last one's
+        share = body.pace(at, time - turns * dt, dt if turns else ahead).share
         heat = None
         if body.heat is not None:
             history, heat = resting(body, state.history, state.heat, body.tools, dt) if travels else \
@@ -187,7 +190,7 @@ class Stepper:
             if body.deformations:
                 from ..process.heat.expansion import expand
                 expand(body, heat)
-        flow = body.solve(time, history, ahead, ahead=self.scheme.look_ahead)
+        flow = body.solve(time, history, share * ahead, ahead=self.scheme.look_ahead)
         if self.scene.stop.force is None or self._force() < self.scene.stop.force:
             demand_room(body)
         flow = replace(flow, iterations=flow.iterations + end.iterations)

@@ -15,6 +15,7 @@ from fenics_forming.physics.workpiece import Workpiece
 from fenics_forming.process import shifting
 from fenics_forming.process.body import FlowingBody
 from fenics_forming.process.integration import Etd2, Explicit, Flow, Midpoint, Rotation, Trapezoid
+from fenics_forming.process.pace import Pace
 from fenics_forming.process.schemes import SCHEMES, scheme_of
 from fenics_forming.process.substeps import Substeps
 from fenics_forming.process.turning import turn
@@ -153,6 +154,15 @@ class Given:
 
     def turn(self, before):
         pass
+
+    def pace(self, at, time, dt):
+        return Pace()
+
+    def lapse(self, time, dt, share):
+        return share * dt
+
+    def comes_to_rest(self, time, dt):
+        return False
 
     def run(self, scheme, end, steps):
         dt = end / steps

@@ -317,7 +317,7 @@ class RigidContact:
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)
                 law.follow_contact(state, before, self._grip_of(tool, stuck if tool.sticks else grip))
-                limit = self.limit(tool)
+                limit = self.limit(tool) if closed is None else self._first_limit(tool, closed)
                 law.update_friction_stress(state, slip, limit, slip0)
                 ft, fk = law.friction_response(state, limit, slip0)
                 t, k = t + ft, k + fk
@@ -339,6 +339,14 @@ class RigidContact:
     def limit(self, tool: KnownTool) -> np.ndarray:
         """Friction limit of a tool at the points (points,), N/mm², for the flow stress of the last :meth:`respond`."""
         return self.limit_under(tool, tool.state.pressure, tool.state.grip)
+
+    def _first_limit(self, tool: KnownTool, closed: np.ndarray) -> np.ndarray:
+        """Friction limit (points,), N/mm², for the first guess: where a tool touches it presses with the flow stress at
+        least. A roll that only turns presses on a body at rest with nothing; what it draws in would be left lying."""
+        pressure = tool.state.pressure
+        if tool.friction.depends_on_pressure and not tool.sticks:
+            pressure = np.where(closed, np.maximum(pressure, self._flow_stress), pressure)
+        return self.limit_under(tool, pressure, tool.state.grip)
 
     def limit_under(self, tool: KnownTool, pressure: np.ndarray, grip: np.ndarray) -> np.ndarray:
         """The same under another pressure (points,), MPa, where the shares ``grip`` (points,) of it rub."""
