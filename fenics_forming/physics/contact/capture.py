@@ -83,7 +83,7 @@ class CapturingSurface:
         """Sides and feet for points (k, dim), mm; what is farther off than ``reach``, mm, is over nothing."""
         within = (reach + SLACK * self.size.max(initial=0.0)) ** 2
         piece, _, closest = nearest_triangles(*self._tree, np.ascontiguousarray(_in_space(points)), within,
-                                               ALIKE, True)
+                                               *((ALIKE, True) if self.dim == 3 else ()))
         some = np.flatnonzero(piece >= 0)
         facet, part = np.divmod(piece[some], len(self._pieces))
         off = closest[some, : self.dim] - points[some]
