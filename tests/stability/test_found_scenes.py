@@ -9,7 +9,6 @@ import pytest
 
 from fenics_forming import simulate
 from fenics_forming.scene import Scene
-from fenics_forming.simulation import Simulation
 from tests.stability import test_random_formings as formings
 from tests.stability import test_random_processes as processes
 
@@ -23,7 +22,6 @@ def test_scene_that_broke_a_law_keeps_it_now(path):
     values = json.loads(path.read_text(encoding="utf-8"))
     scene = Scene.read(values)
     if "title" not in values and len(scene.workpieces) > 1:
-        run = Simulation(scene)
-        processes.check_layers(scene, run, run.run().history)
+        processes.check_layers(scene, simulate(scene).history)
     else:
         (formings if "title" in values else processes).check_laws(scene, simulate(scene))
