@@ -207,10 +207,11 @@ def check_layers(scene: Scene, history) -> None:
     force = next(history.column(name) for name in history.columns if name.startswith("force_upper"))
     assert force.min() > -1e-6 * force.max()
     if scene.workpieces["two"].shape.from_[0] == 0.0:
-        # the resultant, not the sum of the pressure, as a sheared interface does not stay level; and of the same row, as what
-        # is about to land on a tool is left out of all recorded forces, but not of those in the solver
+        # the resultant, not the sum of the pressure, as a sheared interface does not stay level; and of the same row, as
+        # what is about to land on a tool is left out of all recorded forces, but not of those in the solver.
+        # forces are settled to 2e-3
         axis = scene.axes[-1]
         borne = [history.column(name) for name in history.columns if name.startswith("resultant_") and f"_{axis}_" in name]
         assert len(borne) == len(scene.contacts)
         for resultant in borne:
-            assert -resultant == pytest.approx(force, rel=5e-4), "layers bear what the tool presses with, in every step"
+            assert -resultant == pytest.approx(force, rel=2e-3), "layers bear what the tool presses with, in every step"
