@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_forming.physics import meshing
-from fenics_forming.physics.contact.capture import CapturingSurface
+from fenics_forming.physics.contact.capture import OVERHANG, CapturingSurface
 from fenics_forming.physics.contact.overhanging import END, reaching_over
 from fenics_forming.physics.facets import exterior_facets
 from fenics_forming.physics.nodes import Nodes
@@ -54,7 +54,8 @@ def test_a_node_at_an_end_loses_as_much_surface_as_hangs_over(turn):
     """Share (1 - s/s_e)²: s of Simpson's sixth of a side at first, nothing at s_e; and the force on it has no moment."""
     surface, moved = surface_of(2, 1, turn=turn)
     reach, over = END * 0.5, np.array([0.0, 1e-4, 0.02, 0.08, 0.16, 0.17])
-    points = moved(np.column_stack([1 + over, np.full(len(over), -1e-6)]))
+    deep = 10 * OVERHANG        # farther than a point may reach over the rim of the face beside
+    points = moved(np.column_stack([1 + over, np.full(len(over), -deep)]))
     outward = np.tile(moved([0.0, 1.0]) - moved([0.0, 0.0]), (len(over), 1))
     found, left = reaching_over(surface, surface.capture(points), points, outward, np.full(len(over), reach))
     inside = over < reach
@@ -62,7 +63,7 @@ def test_a_node_at_an_end_loses_as_much_surface_as_hangs_over(turn):
     assert left[inside] == pytest.approx((1 - over[inside] / reach) ** 2, abs=1e-12)
     assert (1 - left[1]) * 0.5 / 6 == pytest.approx(over[1], rel=1e-3), "surface lost = way over the rim"
     feet = np.einsum("kn,kni->ki", found.shapes[inside], surface._nodes[found.facet[inside]])
-    assert points[inside] - feet == pytest.approx(1e-6 * found.normal[inside], abs=1e-12), "the foot is right below"
+    assert points[inside] - feet == pytest.approx(deep * found.normal[inside], abs=1e-12), "the foot is right below"
     assert found.shapes.sum(axis=1) == pytest.approx(1.0)
 
 
