@@ -166,6 +166,11 @@ class Mass:
         shares = np.einsum("cq,qa->ca", self.of_points, self._shapes**2)
         return self.nodes.sum_at_all(np.bincount(self.nodes.cells.ravel(), shares.ravel(), self.nodes.count))
 
+    def remember(self, of_points: np.ndarray) -> None:
+        """Take over saved masses of the points, a row a cell: made from nodes that have moved they would be others, t."""
+        self.of_points[:] = of_points.reshape(self.of_points.shape)
+        self.follow()
+
     def keep_total(self, mass: float) -> None:
         """Scale the masses so that the body has the given one, t. Collective."""
         self.of_points *= mass / self.total()

@@ -255,8 +255,8 @@ class Inertia:
     def restore(self, snapshot: dict) -> None:
         vars(self).update(snapshot)
 
-    def memory(self) -> tuple[dict, dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Numbers, nodal arrays and values per cell, by name, that a run goes on from."""
+    def memory(self) -> tuple[dict, dict[str, np.ndarray]]:
+        """Numbers and nodal arrays, by name, that a run goes on from."""
         began, first, _ = self._half or (self.before, self._last, 0.0)
         sums = {name: {"impulse": s.impulse.tolist(), "energies": s.energies} for name, s in
                 (("start", self._of_start), ("settled", self._settled), ("last", self._last), ("first", first))}
@@ -265,10 +265,9 @@ class Inertia:
                    "speeds": [self._speed, self._speed_before, self._greatest], "surface_mass": self._surface_mass,
                    "has_halves": self._half is not None and self._half[2] == self.before.time}
         velocities = {"began": began, "before": self.before, "now": self.now}
-        return numbers, {f"{name}.velocity": moment.velocity for name, moment in velocities.items()}, \
-            {"mass": self.mass.of_points}
+        return numbers, {f"{name}.velocity": moment.velocity for name, moment in velocities.items()}
 
-    def remember(self, numbers: dict, nodal: dict[str, np.ndarray], cellwise: dict[str, np.ndarray]) -> None:
+    def remember(self, numbers: dict, nodal: dict[str, np.ndarray]) -> None:
         """Take over what :meth:`memory` gave."""
         velocities = [nodal[f"{name}.velocity"] for name in ("began", "before", "now")]
         began, self.before, self.now = (Moment(*both) for both in zip(numbers["times"], velocities, strict=True))
@@ -279,8 +278,6 @@ class Inertia:
         self.is_start, self._most_momentum = numbers["is_start"], np.array(numbers["most_momentum"])
         self.remember_speeds(numbers)
         self._surface_mass = numbers["surface_mass"]
-        self.mass.of_points[:] = cellwise["mass"].reshape(self.mass.of_points.shape)
-        self.mass.follow()
 
     def remember_speeds(self, numbers: dict) -> None:
         """Take over the speeds alone: a search, which finds its own, may have come between."""

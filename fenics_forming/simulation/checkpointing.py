@@ -16,7 +16,8 @@ def save(run, path: Path, state: State) -> None:
     """Write the state so that a run on any number of ranks can go on from it."""
     w, contact = run.body.workpiece, run.body.contact
     numbers, remembered = run.scheme.memory()
-    moving, moved, masses = (None, {}, {}) if run.body.inertia is None else run.body.inertia.memory()
+    moving, moved = (None, {}) if run.body.inertia is None else run.body.inertia.memory()
+    masses = {} if w.mass is None else {"mass": w.mass.of_points}
     if run.deforming:
         from . import tool_states
         tool_states.save(run, path, state.step)
@@ -76,9 +77,11 @@ def resumed(run, checkpoint: Checkpoint) -> State:
     history = {name: local[f"history.{name}"] for name in body.new_history()}
     cellwise = {name: scatter_cell_values(run.nodes, values if run.comm.rank == 0 else None)
                 for name, values in checkpoint.cellwise.items()}
+    if workpiece.mass is not None:
+        workpiece.mass.remember(cellwise["mass"])
     if body.inertia is not None:
         body.inertia.remember(saved["inertia"], {name.removeprefix("inertia."): values for name, values in local.items()
-                                                 if name.startswith("inertia.")}, cellwise)
+                                                 if name.startswith("inertia.")})
     workpiece.is_cold = saved["at_rest"]        # tools that yield keep their rates in the search
     body.search(run.scheme.look_ahead * saved["dt"])
     if body.inertia is not None:
