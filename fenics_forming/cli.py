@@ -7,7 +7,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from .errors import ConvergenceError, FormingError, SceneError, as_lines
+from .errors import ConvergenceError, FormingError, MeshError, SceneError, as_lines
 
 BAD_SCENE, FAILED = 2, 1
 
@@ -26,6 +26,9 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough: the code that shells give then
         sys.stdout = None
         return 141
+    except OSError as error:
+        from .results.files import in_words
+        return _say_on_one_rank(f"error: {in_words(error)}", FAILED)
     except KeyboardInterrupt:
         return _say_on_one_rank("interrupted; what was computed is on disk, go on with --resume", 130)
 
@@ -118,11 +121,18 @@ def _run(options) -> int:
         raise SceneError(f"--resume: there is no checkpoint in '{out}'; run without --resume, or name the folder by --out")
     from mpi4py import MPI
 
+    from .results.files import ResultsError
     from .results.progress import Progress
     from .simulation import simulation_of
     total = (scene.stop.stroke or scene.stop.time) if scene.stop is not None else None
     with Progress(MPI.COMM_WORLD, total or float("nan"), quiet=options.quiet) as progress:
-        simulation_of(scene, resume=checkpoint).run(out, observer=progress)
+        try:
+            simulation_of(scene, resume=checkpoint).run(out, observer=progress)
+        except (MeshError, ResultsError) as error:
+            if not progress.rows:
+                raise                    # nothing was computed: a shape without a mesh, a folder that cannot be written
+            further = ", go on with --resume" if (out / "checkpoint.npz").exists() else ""
+            return _say_on_one_rank(f"the run failed: {error}; what was computed is in '{out}'{further}", FAILED)
     return 0
 
 

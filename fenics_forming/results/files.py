@@ -13,15 +13,44 @@ class ResultsError(FormingError):
     """A result that is missing, cannot be read or written, or does not fit what it is asked for."""
 
 
+def in_words(error: OSError) -> str:
+    """The sentence for a file that the system could not read or write."""
+    where = f"'{error.filename}'" if error.filename else "a file of the results"
+    return f"{where} could not be read or written: {error.strerror or error}"
+
+
 @contextmanager
 def whole_file(path: Path):
     """A name beside ``path`` to write to; it becomes ``path`` when the block ends well, else it vanishes."""
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
-        yield partial
-        os.replace(partial, path)
+        with named_in_errors(path):
+            yield partial
+            os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def named_in_errors(path: Path):
+    """Errors of the system in the block name ``path``: those of a full disk name nothing, others the partial file."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        raise
+
+
+def each_written(*actions) -> None:
+    """Do all ``actions``, also where one finds no room for its file; the first `ResultsError` is raised at the end."""
+    problems = []
+    for action in actions:
+        try:
+            action()
+        except ResultsError as problem:
+            problems.append(problem)
+    if problems:
+        raise problems[0]
 
 
 def on_rank_zero(comm, action):
@@ -47,5 +76,4 @@ def _answer(action):
     try:
         return action()
     except OSError as error:
-        where = f"'{error.filename}' " if error.filename else "a file of the results "
-        raise ResultsError(f"{where}could not be read or written: {error.strerror or error}") from error
+        raise ResultsError(in_words(error)) from error

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import ResultsError, on_rank_zero, whole_file
+from .files import ResultsError, named_in_errors, on_rank_zero, whole_file
 
 COUNTS = ("step", "newton_iterations", "remeshings", "cut_backs")
 
@@ -68,8 +68,15 @@ class History:
         self.rows.append({name: _number(name, row.get(name)) for name in columns})
         if self.path is None:
             return
-        on_rank_zero(self.comm, self._write_last if self._file_is_ours else self._write_all)
+        write, self._file_is_ours = self._write_last if self._file_is_ours else self._write_all, False
+        on_rank_zero(self.comm, write)
         self._file_is_ours = True
+
+    def complete(self) -> None:
+        """Write all rows anew where the last one found no room: a checkpoint must not be ahead of them. Collective."""
+        if self.path is not None and not self._file_is_ours:
+            on_rank_zero(self.comm, self._write_all)
+            self._file_is_ours = True
 
     def truncate_after(self, step: int) -> None:
         """Forget the rows after ``step``, in the file too: a run resumes there. Collective."""
@@ -110,7 +117,7 @@ class History:
         return "\n".join([f"History of {len(self.rows)} steps{note}"] + table * bool(head))
 
     def _write_last(self):
-        with open(self.path, "a", encoding="utf-8") as file:
+        with named_in_errors(self.path), open(self.path, "a", encoding="utf-8") as file:
             file.write(_line(self.rows[-1]))
 
     def _write_all(self):

@@ -44,6 +44,10 @@ class Progress(Silent):
         iterations from the first row
     of : the column that runs up to ``total``; None: the first stroke among the columns, or else the time
     quiet : print nothing
+
+    Attributes
+    ----------
+    rows : how many steps it heard of, the start among them
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class Progress(Silent):
     ):
         self.total, self.columns, self.of = float(total), columns and tuple(columns), of
         self._speaks = not quiet and (comm is None or comm.rank == 0)
+        self.rows = 0
         self._bar = self._task = None
         self._widths: list[int] = []
 
@@ -74,6 +79,7 @@ class Progress(Silent):
 
     def step(self, row: dict, limited_by: str) -> None:
         """Print the row and move the bar."""
+        self.rows += 1
         if not self._speaks:
             return
         if not self._widths:

@@ -19,6 +19,7 @@ from ..process.heat.building import body_heat, heat_of_bodies
 from ..process.placing import free_facets, mirror_planes
 from ..process.timestep import StepChoice
 from ..results.checkpoint import load_checkpoint, save_checkpoint
+from ..results.files import ResultsError
 from ..results.progress import Silent
 from ..results.recording.heat_ledger import HeatLedger
 from ..results.recording.heat_recorder import HeatRecorder
@@ -122,6 +123,9 @@ class HeatSimulation:
                 recorder.step(limit.dt, perf_counter() - begun)
                 observer.step(recorder.row, limit.reason)
             why = f"time {stop:g} s reached"
+        except ResultsError as failure:          # the same on every rank
+            why = f"failed: {failure}"
+            raise
         except KeyboardInterrupt:
             why = "interrupted"
             raise

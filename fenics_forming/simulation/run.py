@@ -18,6 +18,7 @@ from ..process.placing import flowing_body, mirror_planes
 from ..process.tools.free_drives import equip
 from ..process.tools.machines import drives_of
 from ..results.checkpoint import load_checkpoint
+from ..results.files import ResultsError
 from ..results.progress import Silent
 from ..results.recording.contact_sizes import ContactSizes
 from ..results.recording.folds import FoldRecord
@@ -229,7 +230,7 @@ class Simulation:
                 observer.step(recorder.row, limited_by)
                 for sentence in recorder.news():
                     observer.note(sentence)
-        except ConvergenceError as failure:
+        except (ConvergenceError, ResultsError) as failure:      # the same on every rank
             why = f"failed: {failure}"
             raise
         except KeyboardInterrupt:

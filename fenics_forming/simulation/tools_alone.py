@@ -14,6 +14,7 @@ from ..physics.tool_body import ToolSettings
 from ..physics.tracking import MaterialPoints
 from ..process.tools.bodies import MeshedTool, tool_body
 from ..process.tools.loading import LoadedTool
+from ..results.files import ResultsError
 from ..results.progress import Silent
 from ..results.recording.tool_recorder import ToolRecorder
 from ..results.results import Results
@@ -146,7 +147,7 @@ class ToolSimulation:
                 self._go(stage, observer)
                 self._save_where_due(out, last=self._step == len(stages))
             why = "full loads reached" if self._is_loaded else "assembled"
-        except ConvergenceError as failure:
+        except (ConvergenceError, ResultsError) as failure:      # the same on every rank
             why = f"failed: {failure}"
             raise
         except KeyboardInterrupt:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from fenics_forming import cli
+from fenics_forming.results import Results
 
 from .scenes import BILLET, BLOCK, COARSE_BILLET, run, scene_file
 
@@ -105,6 +108,42 @@ def test_damaged_checkpoint_is_one_sentence(tmp_path, here):
 
 
 # ---------------------------------------------------------------------- check and info
+def test_disk_that_fills_up_is_one_sentence_and_the_rest_is_written(tmp_path, here, monkeypatch):
+    """The second checkpoint finds no room. numpy's error names no file; summary and frames have room and are written."""
+    save, saved = np.savez, []
+
+    def full(file, **arrays):
+        saved.append(file)
+        if len(saved) > 1:
+            raise OSError(28, "No space left on device")
+        return save(file, **arrays)
+
+    monkeypatch.setattr(np, "savez", full)
+    path, told = scene_file(BLOCK, tmp_path), ["--set", "output.checkpoint_every=2", "--set", "stop.stroke='0.4 mm'"]
+    code, _, err = here("run", path, "--out", tmp_path / "out", "--quiet", *told)
+    assert code == 1 and len(err.splitlines()) == 1 and err.startswith("the run failed: ")
+    assert "checkpoint.npz' could not be read or written: No space left on device" in err and "--resume" in err
+    left = Results.read(tmp_path / "out")
+    assert left.history.column("step").tolist() == [0, 1, 2, 3, 4] and "No space left" in left.summary["stopped"]
+    assert not list((tmp_path / "out").glob(".*")), "no half-written file"
+    monkeypatch.undo()
+    assert here("run", path, "--out", tmp_path / "out", "--quiet", "--resume", *told)[0] == 0
+    assert Results.read(tmp_path / "out").history.column("step").tolist() == list(range(9))
+
+
+def test_pictures_without_room_are_one_sentence_and_leave_nothing(folder, here, monkeypatch):
+    def full(source, target):
+        raise OSError(28, "No space left on device", str(source))
+
+    there = sorted(folder.iterdir())
+    monkeypatch.setattr(os, "replace", full)
+    for command in (("plot", folder), ("report", folder), ("animate", folder)):
+        code, out, err = here(*command)
+        assert code == 1 and out == "" and "No space left on device" in err and len(err.splitlines()) == 1, command
+        assert ".partial" not in err and str(folder) in err
+    assert sorted(folder.iterdir()) == there
+
+
 def test_check_prints_the_scene_and_runs_nothing(tmp_path):
     path = scene_file(BLOCK, tmp_path)
     code, out, err = forming("check", path)

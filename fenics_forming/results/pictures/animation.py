@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import ResultsError
+from ..files import ResultsError, whole_file
 from .drawing import AXES, close, frame_of, limits_of, mirrors_of
 from .in_plane import levels_of
 from .plotting import plot_fields
@@ -58,7 +58,8 @@ def animate(results, field: str | None = "effective_strain", *, path: Path | str
         view = _view(results, [skin.deformed(magnify) for skin in skins])
         pictures = _cut([plot_fields(results, field, k, view=view, **how) for k in range(len(times))])
     path.parent.mkdir(parents=True, exist_ok=True)
-    (_write_gif if path.suffix == ".gif" else _write_mp4)(path, pictures, fps, hold)
+    with whole_file(path) as partial:
+        (_write_gif if path.suffix == ".gif" else _write_mp4)(partial, pictures, fps, hold)
     return path
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import ResultsError
+from ..files import ResultsError, whole_file
 from ..table import name_and_unit
 
 AXES = {"plane_strain": "xy", "axisymmetric": "rz", "3d": "xyz"}
@@ -123,8 +123,10 @@ def new_axes(size=(6.4, 4.2)):
 def saved(ax, path):
     """The axes, written to a picture where a path is given."""
     if path is not None:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        ax.figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.12)
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path.with_suffix(path.suffix or ".png")) as partial:
+            ax.figure.savefig(partial, dpi=150, bbox_inches="tight", pad_inches=0.12)
     return ax
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import ResultsError
+from ..files import ResultsError, whole_file
 
 
 def draw(
@@ -90,9 +90,12 @@ def draw(
         plotter.enable_parallel_projection()
         plotter.enable_anti_aliasing("ssaa")
         plotter.camera.zoom(1.0)
-        if path is not None:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-        return plotter.screenshot(None if path is None else str(path), return_img=True)
+        if path is None:
+            return plotter.screenshot(return_img=True)
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path.with_suffix(path.suffix or ".png")) as partial:
+            return plotter.screenshot(str(partial), return_img=True)
     finally:
         plotter.close()
 

@@ -8,7 +8,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from ...physics.parallel import highest, lowest
-from ..files import on_rank_zero
+from ..files import each_written, on_rank_zero
 from ..history import History
 from ..results import Results, write_summary
 from .fields import FieldWriter
@@ -96,12 +96,20 @@ class HeatRecorder:
     # ------------------------------------------------------------------ the end
     def finish(self, why: str, warnings: list[str]) -> None:
         """Last frame, checkpoint and summary, also of a run that was interrupted. Collective."""
+        each_written(self._leave, lambda: self._sum_up(why, warnings))
+
+    def _leave(self) -> None:
         start = perf_counter()
         if self.out is not None and len(self.history):
-            self._frame()
-            if self.scene.output.checkpoint_every:
-                self.run.save(self.out / "checkpoint.npz")
+            each_written(self._frame, self._checkpoint)
         self.seconds += perf_counter() - start
+
+    def _checkpoint(self) -> None:
+        if self.scene.output.checkpoint_every:
+            self.history.complete()
+            self.run.save(self.out / "checkpoint.npz")
+
+    def _sum_up(self, why: str, warnings: list[str]) -> None:
         self.summary = self._summary(why) | {"warnings": [*warnings, *self.run.ledger.doubts()]}
         if self.out is not None:
             write_summary(self.out, self.summary, self.comm)

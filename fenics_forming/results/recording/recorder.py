@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -10,11 +9,11 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from ..files import on_rank_zero, whole_file
+from ..files import each_written, on_rank_zero
 from ..flow_lines import NAME as FLOW_LINES
 from ..flow_lines import FlowLineWriter
 from ..history import History
-from ..results import Results
+from ..results import Results, write_summary
 from ..untouched import untouched
 from .bodies import BodyRecord, in_words
 from .contact_forces import ContactForceWriter, remove_after
@@ -210,22 +209,27 @@ class Recorder:
                 *untouched(self.run, self.history.rows), *(self.heat.doubts() if self.heat is not None else [])]
 
     def finish(self, state, why: str, warnings: list[str]) -> None:
-        """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state)."""
+        """Last frame, checkpoint and summary, also of a run that failed (even in its first solve: without state).
+
+        A disk that is too full for one of them may have room for the next: the summary is small, and says why it ended.
+        """
+        each_written(lambda: self._leave(state), lambda: self._sum_up(why, warnings))
+
+    def _leave(self, state) -> None:
         start = perf_counter()
         if self.out is not None and state is not None:
-            self._frame(state)
-            if self.scene.output.checkpoint_every and len(self.history):
-                self.run.save(self.out / "checkpoint.npz", state)
+            each_written(lambda: self._frame(state), lambda: self._checkpoint(state))
         self.seconds["output"] += perf_counter() - start
+
+    def _checkpoint(self, state) -> None:
+        if self.scene.output.checkpoint_every and len(self.history):
+            self.history.complete()
+            self.run.save(self.out / "checkpoint.npz", state)
+
+    def _sum_up(self, why: str, warnings: list[str]) -> None:
         self.summary = self._summary(why) | {"warnings": warnings}
         if self.out is not None:
-            text = json.dumps(self.summary, indent=2)
-
-            def write():
-                with whole_file(self.out / "summary.json") as partial:
-                    Path(partial).write_text(text + "\n", encoding="utf-8")
-
-            on_rank_zero(self.comm, write)
+            write_summary(self.out, self.summary, self.comm)
 
     def results(self) -> Results:
         return Results(self.out, scene=self.scene, history=self.history, summary=self.summary)

@@ -8,7 +8,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from ...physics.parallel import highest
-from ..files import on_rank_zero
+from ..files import each_written, on_rank_zero
 from ..history import History
 from ..results import Results, write_summary
 from .bodies import resultant_columns
@@ -124,10 +124,15 @@ class ToolRecorder:
     # ------------------------------------------------------------------ the end
     def finish(self, why: str, warnings: list[str]) -> None:
         """Last frame and summary, also of a run that failed. Collective."""
+        each_written(self._leave, lambda: self._sum_up(why, warnings))
+
+    def _leave(self) -> None:
         start = perf_counter()
         if self._fields:
             self._frame()
         self.seconds["output"] += perf_counter() - start
+
+    def _sum_up(self, why: str, warnings: list[str]) -> None:
         self.summary = self._summary(why) | {"warnings": warnings}
         if self.out is not None:
             write_summary(self.out, self.summary, self.comm)
