@@ -81,7 +81,7 @@ class WithFallback:
     def stands(self) -> bool:
         """Whether the last solve found the increment before right but for an iteration: what has closed or opened since
         is less than the tolerance of a solve."""
-        return self._last is self.iterative and self.iterative.iterations <= 1
+        return self._last is self.iterative and self.iterative.stood
 
     def follow_contact(self) -> None:
         """Take over the tangents of contact anew."""

@@ -58,7 +58,8 @@ class Settling:
         before, after = contact.facets.trace(v), contact.facets.trace(v + dv)
         pressures = [law.trial_pressure(t.state, after, contact.coefficient, contact.dt, coming.get(t.name))
                      for t in contact.tools]
-        closed = [self._allowed(t, pressure > 0) for t, pressure in zip(contact.tools, pressures, strict=True)]
+        closed = [self._allowed(t, law.pressing(t.state, pressure, contact.coefficient, contact.speed))
+                  for t, pressure in zip(contact.tools, pressures, strict=True)]
         changed = sum(np.count_nonzero(c != t.state.active) for c, t in zip(closed, contact.tools, strict=True))
         changed = total(contact.facets.comm, float(changed))
         if changed == 0 or self._most is not None and changed > self._most:

@@ -199,6 +199,16 @@ def test_normal_tangent_is_minus_the_derivative_of_the_traction():
     assert difference[away_from_kink] == pytest.approx(exact[away_from_kink], abs=1e-6)
 
 
+def test_point_that_presses_by_rounding_stays_as_it_is():
+    state = point_law.PointState.at_rest(4, 3)
+    state.gap, state.normal = np.zeros(4), np.tile([0.0, 0.0, 1.0], (4, 1))
+    state.active = np.array([True, False, True, False])
+    velocity = np.outer([1e-15, -1e-15, 1e-3, -1e-3], [0.0, 0.0, 1.0])       # out of the tool where positive
+    point_law.normal_pressure(state, velocity, 700.0, 0.1, speed=2.0)
+    np.testing.assert_array_equal(state.active, [True, False, False, True])
+    np.testing.assert_allclose(state.pressure, [0.0, 0.0, 0.0, 0.7], atol=1e-9)
+
+
 @pytest.mark.parametrize("depth", [0.0, 0.03, -0.03])
 def test_point_that_reaches_the_tool_within_the_step_lands_on_it_as_the_penalty_grows(depth):
     """Mass point under a steady force against a tool at rest: the gap left after the step is force/C·dt."""

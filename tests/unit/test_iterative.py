@@ -317,6 +317,15 @@ def test_fgmres_goes_on_from_a_start():
     assert fine.iterations < solve(1e-10, None).iterations and solve(1e-9, fine.x).iterations == 0
 
 
+def test_fgmres_takes_rounding_for_nothing():
+    """Where all contact opens, what is left of the right-hand side is rounding: 55 iterations on it, and their sign closed
+    points at random."""
+    from mpi4py import MPI
+    b, start = np.full(50, 1e-13), np.ones(50)
+    found = fgmres(MPI.COMM_SELF, lambda x: 2.0 * x, lambda x: x, b, tolerance=1e-2, most=50, start=start, nothing=1e-12)
+    assert not found.x.any() and found.iterations == 0 and found.reduction == 0.0
+
+
 def test_fgmres_goes_on_while_the_solution_changes():
     """A mode a thousand times as soft as the rest has a thousandth of the residual and is as large as all of it."""
     from mpi4py import MPI

@@ -23,6 +23,8 @@ import numpy as np
 
 from ..machine_code import compiled
 
+ROUNDING = 1e-9     # of the pressure of a surface at rest under the moving tool, see `pressing`
+
 
 @dataclass
 class PointState:
@@ -63,11 +65,18 @@ def trial_pressure(state: PointState, velocity: np.ndarray, coefficient: float |
                            float(dt))
 
 
+def pressing(state: PointState, trial: np.ndarray, coefficient: float | np.ndarray, speed: float) -> np.ndarray:
+    """Points (points,) bool that a trial pressure closes. Where it is rounding against that of a surface which stands still
+    under a tool of that speed, its sign says nothing, and is another on another number of ranks: they stay as they are."""
+    return np.where(np.abs(trial) < ROUNDING * coefficient * speed, state.active, trial > 0)
+
+
 def normal_pressure(state: PointState, velocity: np.ndarray, coefficient: float, dt: float,
-                    touching: np.ndarray | None = None) -> None:
-    """Update ``pressure`` and ``active``; points in ``touching`` count as active whatever their sign."""
+                    touching: np.ndarray | None = None, speed: float = 0.0) -> None:
+    """Update ``pressure`` and ``active``, see `pressing`; points in ``touching`` count as active whatever their sign."""
     trial = trial_pressure(state, velocity, coefficient, dt)
-    state.active = trial > 0 if touching is None else (trial > 0) | touching
+    pressed = pressing(state, trial, coefficient, speed)
+    state.active = pressed if touching is None else pressed | touching
     state.pressure = np.where(state.active, trial, 0.0)
 
 

@@ -312,7 +312,7 @@ class RigidContact:
             closed = None if touching is None else state.gap <= touching
             before = state.active
             law.normal_pressure(state, v, self.coefficient, self.dt,
-                                self.facets.staying(before, state.normal) if held else closed)
+                                self.facets.staying(before, state.normal) if held else closed, self._speed)
             t, k = law.normal_response(state, self.coefficient)
             if tool.has_friction:
                 slip = law.slip_velocity(state, v)

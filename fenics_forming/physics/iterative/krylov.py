@@ -9,22 +9,24 @@ import numpy as np
 
 @dataclass(frozen=True)
 class KrylovResult:
-    """Solution, number of iterations, and by how much the residual has shrunk."""
+    """Solution, number of iterations, by how much the residual has shrunk, and the norm of the right-hand side."""
 
     x: np.ndarray
     iterations: int
     reduction: float
+    size: float
 
 
 def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: int,
-           settled: float = np.inf, start: np.ndarray | None = None) -> KrylovResult:
+           settled: float = np.inf, start: np.ndarray | None = None, nothing: float = 0.0) -> KrylovResult:
     """Solve ``times(x) = b`` from ``start`` or from zero; the preconditioner may differ from call to call.
 
     Parameters
     ----------
     times, precondition : functions of the owned parts of vectors · b : owned part, (n,)
     tolerance : relative residual at which it stops · most : iterations, not restarted · settled : it goes on while an
-    iteration changes the solution by more than this, relatively: a soft mode may hide in a small residual
+    iteration changes the solution by more than this, relatively: a soft mode may hide in a small residual · nothing : norm
+    up to which b is rounding, and the solution zero
 
     References
     ----------
@@ -34,14 +36,14 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
         return comm.allreduce(np.array([v @ w for v, w in pairs]))
 
     size = float(np.sqrt(dots((b, b))[0]))
-    if size == 0.0 or not np.isfinite(size):
-        return KrylovResult(np.zeros_like(b), 0, 0.0 if size == 0.0 else np.inf)
+    if size <= nothing or not np.isfinite(size):
+        return KrylovResult(np.zeros_like(b), 0, 0.0 if size <= nothing else np.inf, size)
     r, left, whole = b, size, 0.0
     if start is not None:
         r = b - times(start)
         left, whole = np.sqrt(dots((r, r), (start, start)))
     if left <= tolerance * size:
-        return KrylovResult(start, 0, left / size)
+        return KrylovResult(start, 0, left / size, size)
     basis, found = [r / left], []
     upper = np.zeros((most + 1, most))
     lengths = np.zeros((most, most))        # products of what the preconditioner found
@@ -64,7 +66,7 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
             column[i], column[i + 1] = c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]
         radius = float(np.hypot(column[k], column[k + 1]))
         if not np.isfinite(radius) or radius == 0.0:
-            return KrylovResult(np.zeros_like(b), k + 1, np.inf)
+            return KrylovResult(np.zeros_like(b), k + 1, np.inf, size)
         c, s = column[k] / radius, column[k + 1] / radius
         turns.append((c, s))
         upper[:k, k], upper[k, k] = column[:k], radius
@@ -78,7 +80,7 @@ def fgmres(comm, times, precondition, b: np.ndarray, *, tolerance: float, most: 
     x = np.zeros_like(b) if start is None else start.copy()
     for weight, z in zip(y, found, strict=True):
         x += weight * z
-    return KrylovResult(x, m, abs(float(rhs[m])) / size)
+    return KrylovResult(x, m, abs(float(rhs[m])) / size, size)
 
 
 def _take_off(weights, vectors, w) -> None:

@@ -13,7 +13,7 @@ from ..workpiece import Workpiece
 from . import kernels
 from .coarse import CoarseSolver
 from .eliminated import Eliminated, InSeries, OntoVertices
-from .krylov import fgmres
+from .krylov import KrylovResult, fgmres
 from .multigrid import TwoLevels
 from .pattern import Incidence, Pattern, along_a_curve
 from .pressure_block import Divergence, PressureMass
@@ -24,6 +24,7 @@ ALSO = 1e-4     # tolerance of further right-hand sides: what is found from them
 # Relative change of the increment by the last iteration: where a body is next to rigid its flow is large in velocity and
 # small in force, and a Newton that does not hear of it stops too early.
 SETTLED = 0.05
+NOTHING = 1e-12     # of the right-hand side of before, when contact has opened since: what is left where all of it did
 SCHUR = 0.5     # of the pressure mass over the viscosity: what the pressure is scaled by
 
 
@@ -32,13 +33,13 @@ class IterativeSystem:
 
     Attributes
     ----------
-    iterations : of the last solve
+    iterations : of the last solve · stood : whether that, after a change of contact, kept what was found before but for one
     tolerance : of its residual, relative; most : iterations of a solve
     """
 
     def __init__(self, workpiece: Workpiece, *, tolerance: float = 5e-3, most: int = 100):
         self._body, self.tolerance, self.most = workpiece, tolerance, most
-        self.iterations = 0
+        self.iterations, self.stood = 0, False
         n = self._n = workpiece.nodes
         self._reference_cell()
         nodes, vertices = Shared(n.mesh.geometry.index_map()), Shared(n.scalar_space.dofmap.index_map)
@@ -184,19 +185,28 @@ class IterativeSystem:
         self.coarse.prepare(again=again)
         if not again:
             self.mass.prepare()
-        self.solve_also(b, self._body.increment.x.petsc_vec, self.tolerance, self._found if again else None)
-        self._found = self._last
+        if again:
+            start, nothing = self._found.x, NOTHING * self._usual_size
+        else:
+            start, nothing = None, 0.0
+        found = self._found = self._solve(b, self._body.increment.x.petsc_vec, self.tolerance, start, nothing)
+        self.stood = again and found.iterations <= 1 and found.size > nothing
+        if not again:
+            self._usual_size = found.size
         self._body.increment.x.scatter_forward()
 
-    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = ALSO, start: np.ndarray | None = None) -> None:
+    def solve_also(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """The same for another right-hand side, with the preconditioner that is set up."""
+        self._solve(b, x, ALSO)
+
+    def _solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float, start: np.ndarray | None = None,
+               nothing: float = 0.0) -> KrylovResult:
         self._scale = self._usual_stress()
         rhs = self._owned(b.array[self._own_velocity] * self.block.free[: self._nodes.owned],
                           b.array[self._own_pressure] * self.mass.free[: self._vertices.owned])
         found = fgmres(self._n.comm, lambda z: self._measured(self._times(z)),
                        lambda r: self._precondition(self._measured(r, back=True)), self._measured(rhs),
-                       tolerance=tolerance, most=self.most, settled=SETTLED, start=start)
-        self._last = found.x
+                       tolerance=tolerance, most=self.most, settled=SETTLED, start=start, nothing=nothing)
         self.iterations = found.iterations
         if not found.reduction <= tolerance:
             raise ConvergenceError(f"{found.iterations} Krylov iterations leave {found.reduction:.1e} of the residual")
@@ -205,6 +215,7 @@ class IterativeSystem:
         x.array[self._own_velocity[free]] = owned[free]
         free = self.mass.free[: self._vertices.owned] > 0
         x.array[self._own_pressure[free]] = self._scale * found.x[self._split:][free]
+        return found
 
     def _usual_stress(self) -> float:
         """Flow stress over speed, MPa s/mm, which pressures and volume rates are measured by: so the residual has one unit,
