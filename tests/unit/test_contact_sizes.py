@@ -1,4 +1,4 @@
-"""A contact of less than two elements gives a wrong force: the run says so, and what to refine."""
+"""A contact of less than two elements, or of two steps of a roll, gives a wrong force: the run says so, and what to do."""
 
 import numpy as np
 import pytest
@@ -56,3 +56,30 @@ def test_what_was_seen_is_kept_by_a_resumed_run(tmp_path):
     path = tmp_path / "ball.toml"
     later = ff.Simulation(ff.read_scene(path), resume=tmp_path / "out" / "checkpoint.npz")
     assert later.contact_sizes.largest == simulation.contact_sizes.largest
+
+
+def skin_pass(step):
+    """Warnings of a strip, 1 mm, that is made 2 % thinner on an arc of √(R Δh) = 1.4 mm, in steps of the roll, mm."""
+    radius, leaving = 100.0, 0.98
+    angle = np.linspace(np.arccos(1 - 0.01 / radius), 0, 9)
+    under = np.column_stack([-radius * np.sin(angle), leaving / 2 + radius * (1 - np.cos(angle))])
+    under[:, 1] -= 1.01 * radius * (angle[0] - angle[1]) ** 2 / 8           # its chords stay out of the roll
+    back = under[0, 0] - 8
+    points = [[back, 0], [4, 0], [4, under[-1, 1]], *under[::-1].tolist(), [back, under[0, 1]]]
+    centre = [0, radius + leaving / 2]
+    results = ff.simulate(ff.Scene.read({
+        "geometry": "plane_strain", "materials": {"m": {"flow_stress": {"law": "constant", "value": 100}}},
+        "workpieces": {"strip": {"shape": {"kind": "polygon", "points": points}, "material": "m", "symmetry": ["y"],
+                                 "mesh_size": 0.25}},
+        "tools": {"roll": {"shape": {"kind": "circle", "centre": centre, "radius": radius},
+                           "drive": {"kind": "roll", "centre": centre, "speed": 1},
+                           "friction": {"law": "coulomb", "coefficient": 0.2}}},
+        "steps": {"time": step / radius}, "stop": {"time": 2 * step / radius}, "output": {"fields_every": 0}}))
+    return [warning for warning in results.summary["warnings"] if warning.startswith("the surface of 'roll' moves by")]
+
+
+def test_steps_in_which_a_roll_takes_the_body_through_its_contact_are_warned_of():
+    """Of 2 mm, the force is a third too low; of 0.4 mm, of which four go into the arc, nothing is said."""
+    sentence, = skin_pass(2.0)
+    assert "moves by 2 mm in a step" in sentence and "take steps of 0." in sentence
+    assert skin_pass(0.4) == []

@@ -93,7 +93,7 @@ class Recorder:
         self.history.append(self.row)
         self.iterations += state.flow.iterations
         self._look_for_folds(state.step)
-        self.run.contact_sizes.look(state.step)
+        self.run.contact_sizes.look(state.step, state.dt)
         if self.out is None:
             return
         start = perf_counter()
