@@ -29,8 +29,8 @@ def test_scene_that_broke_a_law_keeps_it_now(path):
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="not cured yet: in the plane rounding decides whether a point "
-                   "of integration just beyond the rim of a disc meets its face; layers are 0.25 % apart in one row")
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="not cured yet: in the plane rounding decides whether a "
+                   "point of integration just beyond the rim of a disc meets its face; layers are 0.25 % apart in one row")
 @pytest.mark.parametrize("path", OPEN, ids=lambda path: path.stem)
 def test_scene_that_breaks_a_law_still(path):
     scene = Scene.read(json.loads(path.read_text(encoding="utf-8")))
