@@ -228,9 +228,9 @@ class FlowSolver:
                 # gaps of a moved surface open points that press on; kept closed in the first guess, a cup takes 6 instead
                 # of 15 iterations a step, a punch in space a third less. Not where motions of tools are sought in the
                 # plane: there points are settled with these
-                held = {"held": not cold} if part is contact and (body.nodes.dim == 3 or self.border is None) else {}
+                held = not cold and (body.nodes.dim == 3 or self.border is None)
                 part.respond(body.velocity, flow_stress=self._sigma_nodes, touching=task.touching if cold else None,
-                             slip0=contact.slip0 / contact.slip_regularisation if cold else None, **held)
+                             slip0=contact.slip0 / contact.slip_regularisation if cold else None, held=held)
             self.seconds["assembly"] += perf_counter() - start
         return rate
 

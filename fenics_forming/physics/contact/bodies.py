@@ -83,6 +83,7 @@ class BodyContact:
         self.friction, self.interference, self.element = friction, interference, element
         self.slip_regularisation = self.slip0 = slip_regularisation
         self.coefficient = self.dt = 1.0
+        self._soon = 0.0
         self._guessed = False       # whether the last response closed carriers on suspicion: they open without ado
         self.seconds = 0.0
         self._numbers = everywhere(nodes.comm, self._number(self._master))
@@ -121,7 +122,7 @@ class BodyContact:
             it is wider by ``fade``: they press nothing yet, and must not hide what others overlap
         """
         start = process_time()
-        self.dt = dt
+        self.dt, self._soon = dt, soon
         at = self.points.trace(x)
         master = everywhere(self.nodes.comm, x[self._master])
         if self._surface_of_master is None:
@@ -268,15 +269,16 @@ class BodyContact:
         return out.array.reshape(-1, self.dim).copy()
 
     def respond(self, unknowns: PETSc.Vec, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                grip: str = "new") -> None:
+                grip: str = "new", held: bool = False) -> None:
         """Tractions on the slave and their tangents for the present unknowns.
 
         flow_stress : (carriers,) for friction that is limited by it; touching : gap below which every carrier is closed;
-        grip : which carriers friction acts at, see ``point_law.follow_contact``
+        grip : which carriers friction acts at, see ``point_law.follow_contact``; held : for the first guess of a warm
+        start, what was closed stays closed where it can close in the step: sides that have moved over one another hover
         """
         start = process_time()
         state, relative, before = self.state, self.relative(unknowns), self.state.active
-        closed = None if touching is None else state.gap <= touching
+        closed = before & (state.gap <= self._soon) if held else None if touching is None else state.gap <= touching
         law.normal_pressure(state, relative, self.coefficient, self.dt, closed)
         traction, tangent = law.normal_response(state, self.coefficient)
         if self.has_friction:

@@ -122,14 +122,14 @@ class Interfaces:
         return any(contact.has_friction for contact in self.contacts)
 
     def respond(self, velocity: np.ndarray, *, flow_stress: np.ndarray | None = None, touching: float | None = None,
-                slip0: float | None = None, grip: str = "new") -> None:
+                slip0: float | None = None, grip: str = "new", held: bool = False) -> None:
         """Tractions at nodal velocities (nodes, dim); flow_stress (nodes,), the rest as in ``RigidContact.respond``."""
         unknowns = self._unknowns_of(velocity)
         for contact in self.contacts:
             contact.coefficient = self._tools.coefficient
             contact.slip0 = self._tools.slip0 if slip0 is None else slip0
             softer = contact.softer(flow_stress) if contact.has_friction else None
-            contact.respond(unknowns, flow_stress=softer, touching=touching, grip=grip)
+            contact.respond(unknowns, flow_stress=softer, touching=touching, grip=grip, held=held)
 
     def silence(self) -> None:
         """No traction: for the stiffness of the bodies alone."""
