@@ -13,6 +13,7 @@ from ..process.approach import free_way
 from ..process.body import FlowingBody
 from ..process.integration import StepEnd, drifting
 from ..process.meshes.at_tools import hold_at_tools
+from ..process.meshes.hollow_corners import filled_corners
 from ..process.room import demand_room
 from ..process.schemes import scheme_of
 from ..process.timestep import Limit
@@ -170,10 +171,11 @@ class Stepper:
             deformation.begin(body, dt)
         start = body.rams.begin(state.flow, dt)
         gathering = body.gathering(state.history)
+        filled = () if travels or self.keeper is None else filled_corners(body)
         end = self._travel(gathering, state.time + dt) if travels else \
             scheme.advance(body, start, state.time, gathering, dt)
         body.settle(self.choice.end_of(state.time, dt))
-        history = end.history if travels or self.keeper is None else hold_at_tools(body, end.history)
+        history = end.history if travels or self.keeper is None else hold_at_tools(body, filled, end.history)
         changes = {} if travels else self._account_for_volume()
         time = self.choice.end_of(state.time, dt)
         turns = time in self.stops.turns

@@ -27,7 +27,7 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
     corner_angle : a boundary that turns by more than this, in degrees, has a corner (an edge in 3-D)
     least : of a plane body: curvature, chord and short runs ask for no finer sides, mm
     landing : of a plane body: what hovers just above tools lands on them, see `Landing`
-    corners : (k, 3) of a solid: places where kept lines have a corner, whatever their shape
+    corners : (k, dim) places where the boundary, of a solid its kept lines, has a corner, whatever its shape
     engine : "mmg", "gmsh", or "auto": mmg where it is installed, gmsh otherwise and as its rescue
 
     Raises
@@ -38,6 +38,6 @@ def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None =
     if body.dim == 2:
         from . import plane
         return plane.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine, least=least,
-                            landing=landing)
+                            landing=landing, corners=corners)
     from . import solid
     return solid.remesh(body, labels, sizes, chord=chord, corner_angle=corner_angle, engine=engine, corners=corners)

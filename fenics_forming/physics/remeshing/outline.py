@@ -11,6 +11,7 @@ from .body_arrays import BodyArrays, preceding
 from .healing import bridged, healed
 from .landing import Landing, landed
 
+SAME = 1e-6            # of the body: a node so near to a place is there
 ROUNDING = 1e-12       # of the body: a mirror plane so near to the origin goes through it
 
 
@@ -33,12 +34,13 @@ class Chain:
 
 
 def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: Landing | None = None,
-          detail=None) -> tuple[list[list[Chain]], list[str]]:
+          detail=None, corners: np.ndarray | None = None) -> tuple[list[list[Chain]], list[str]]:
     """The closed loops of the boundary, mended and landed on the tools, each cut into its chains; what that changed.
 
     A chain ends where the label changes and where the sides turn by more than `corner_angle` (degrees), measured
     between the end tangents of their parabolas; of two corners closer to each other along the boundary than ``detail``,
-    a function of points in mm, the sharper one stays, and none so close to where the label changes.
+    a function of points in mm, the sharper one stays, and none so close to where the label changes. Nodes at one of the
+    places ``corners`` (k, 2) are corners, however blunt.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def loops(body: BodyArrays, labels: np.ndarray, corner_angle: float, landing: La
             changes += [f"a notch at ({_words(place)}) mm filled" for place in notches]
         if landing is not None:
             points, loop, kinds = landed(points, loop, kinds, landing)
-        found.append(_chains(points, loop, kinds, corner_angle, len(x), detail))
+        found.append(_chains(points, loop, kinds, corner_angle, len(x), detail, corners))
     return found, changes
 
 
@@ -111,12 +113,15 @@ def _oriented(sides: np.ndarray, leaving: np.ndarray) -> np.ndarray:
 
 
 def _chains(x: np.ndarray, sides: np.ndarray, labels: np.ndarray, corner_angle: float,
-            known: int, detail) -> list[Chain]:
+            known: int, detail, corners: np.ndarray | None) -> list[Chain]:
     """One loop, cut at its features; without any it is one closed chain. Nodes from ``known`` on are not of the body."""
     start, end, middle = (x[sides[:, k]] for k in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, start - 4 * middle + 3 * end      # end tangents of the parabolas
     turn = angle_between(preceding(arriving), leaving)
     sharpness = np.where(np.abs(turn) > np.radians(corner_angle), np.abs(turn), 0.0)
+    if corners is not None and len(corners):
+        away = np.linalg.norm(start[:, None] - corners, axis=2).min(axis=1)
+        sharpness[away < SAME * np.ptp(x, axis=0).max()] = np.pi
     sharpness[labels != preceding(labels)] = np.inf
     feature = sharpness > 0.0
     if detail is not None and feature.any():

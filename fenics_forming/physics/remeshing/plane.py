@@ -26,14 +26,14 @@ FLATTEST = 0.25      # scaled Jacobian of a cell behind a curved side; below, th
 
 
 def remesh(body: BodyArrays, labels: np.ndarray, sizes, *, chord: float | None, corner_angle: float, engine: str,
-           least: float | None, landing: Landing | None) -> Remeshed:
+           least: float | None, landing: Landing | None, corners: np.ndarray | None = None) -> Remeshed:
     """See `fenics_forming.physics.remeshing.remesh`.
 
     Coarse sides may cross each other and a cell may have no room for the curve of its side: such sides get finer
     in the next attempt; where an engine fails, all sides do. A side that folds its cell over in every attempt is straight.
     """
     detail = None if least is None else lambda points: np.minimum(least, sizes(points))
-    chains, changes = loops(body, labels, corner_angle, landing, detail)
+    chains, changes = loops(body, labels, corner_angle, landing, detail, corners)
     curves = [[Curve(chain, detail) for chain in loop] for loop in chains]
     boundary = Boundary(curves, sizes, _around(body, sizes), chord, least)
     best, room, folded, reasons = None, 0.0, None, {}

@@ -62,15 +62,21 @@ def with_edges(tools) -> list:
 
 def protruding_corners(tool) -> np.ndarray:
     """Sharp corners of a tool at its present place, (k, 2) mm, around which there is less tool than space."""
+    corners, hollow = is_hollow(tool)
+    return corners[~hollow]
+
+
+def is_hollow(tool) -> tuple[np.ndarray, np.ndarray]:
+    """Sharp corners of a tool at its present place, (k, 2) mm, and whether there is more tool around them than space."""
     corners = tool.motion.to_space(np.asarray(tool.surface.corners(), float).reshape(-1, len(tool.motion.displacement)))
     if len(corners) == 0:
-        return corners
+        return corners, np.zeros(0, bool)
     angle = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
     low, high = tool.surface.bounds()
     extent = np.where(np.isfinite(high - low), high - low, 0.0).max()
     ring = corners[:, None] + 1e-6 * extent * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     gap = tool.gap(ring.reshape(-1, 2))[0].reshape(len(corners), AROUND)
-    return corners[(gap > 0).sum(axis=1) > AROUND // 2]
+    return corners, (gap > 0).sum(axis=1) <= AROUND // 2
 
 
 def bridged(x: np.ndarray, sides: np.ndarray, tool, corner: np.ndarray) -> tuple[int, float] | None:
@@ -204,11 +210,11 @@ def hold_corners(body, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     for tool in body.tools if body.nodes.dim == 2 else ():
         for corner in protruding_corners(tool):
             for free, _ in body.skins():
-                history = _held(body, free, tool, corner, history)
+                history = drawn_back(body, free, tool, corner, history)
     return history
 
 
-def _held(body, free, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def drawn_back(body, free, tool, corner: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The same for one tool, one of its corners, and one body with the surface ``free`` (`FreeSurface`)."""
     nodes, sides, x = body.nodes, free.surface.sides, body.x
     passed, mine = bridged(x, sides, tool, corner), None
