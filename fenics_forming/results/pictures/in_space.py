@@ -12,6 +12,8 @@ import numpy as np
 
 from ..files import ResultsError, whole_file
 
+SHADES = 40     # entries of the table of colours for a band
+
 
 def draw(
     skin, values, label: str, levels, title: str, *, mesh: bool, lines=(), tools=(), path: Path | str | None
@@ -45,21 +47,21 @@ def draw(
                 title=label,
                 color="black",
                 vertical=True,
-                position_x=0.86,
+                position_x=0.84,
                 position_y=0.2,
                 height=0.6,
-                width=0.06,
+                width=0.08,
                 n_labels=len(levels),
                 fmt="%.4g",
-                title_font_size=20,
-                label_font_size=20,
+                title_font_size=26,
+                label_font_size=24,
+                unconstrained_font_size=True,
             )
             plotter.add_mesh(
                 surface,
                 scalars=label,
                 clim=(levels[0], levels[-1]),
-                cmap="viridis",
-                n_colors=len(levels) - 1,
+                cmap=_bands(len(levels) - 1),
                 ambient=0.55,
                 diffuse=0.45,
                 specular=0.0,
@@ -98,6 +100,15 @@ def draw(
             return plotter.screenshot(str(partial), return_img=True)
     finally:
         plotter.close()
+
+
+def _bands(count: int) -> list[str]:
+    """Colours of so many bands, each many times over: the bar blends neighbouring entries, and of a few its first and last
+    bands would be twice as wide as the others."""
+    import matplotlib
+
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, count))
+    return [matplotlib.colors.to_hex(shade) for shade in shades for _ in range(SHADES)]
 
 
 def _have_display():
