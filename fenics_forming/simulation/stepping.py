@@ -174,10 +174,10 @@ class Stepper:
         filled = () if travels or self.keeper is None else filled_corners(body)
         end = self._travel(gathering, state.time + dt) if travels else \
             scheme.advance(body, start, state.time, gathering, dt)
-        body.settle(self.choice.end_of(state.time, dt))
+        time = self.choice.end_of(state.time, dt)       # once: as a ram arrives its next turn is known anew, to rounding
+        body.settle(time)
         history = end.history if travels or self.keeper is None else hold_at_tools(body, filled, end.history)
         changes = {} if travels else self._account_for_volume()
-        time = self.choice.end_of(state.time, dt)
         turns = time in self.stops.turns
         ahead = dt if turns else self.choice.next(time, state.flow.rate).dt
         ahead = ahead if 0 < ahead < np.inf else dt
