@@ -26,7 +26,7 @@ from fenics_forming.results import Progress
 
 SCENE = Path(__file__).parent / "scenes" / "block_forging_3d.toml"
 HALF = 15.0                     # of the cube, mm
-SIZES = (2.8, 2.2, 1.75)        # of the elements, mm
+SIZES = (2.5, 2.0, 1.75)        # of the elements, mm
 REDUCTIONS = (0.09, 0.18, 0.30)
 
 
