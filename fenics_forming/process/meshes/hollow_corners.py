@@ -11,7 +11,7 @@ import numpy as np
 
 from ...physics.parallel import total
 from ...physics.remeshing import BodyArrays
-from .tool_corners import drawn_back, is_hollow
+from .tool_corners import drawn_back, sharp_corners
 
 AT = 1e-6             # of the size of the body: a vertex so near to a corner is in it
 PRESSED = 2           # sides, at least: those on either side of the corner
@@ -20,7 +20,7 @@ PRESSED = 2           # sides, at least: those on either side of the corner
 def in_hollow_corners(body: BodyArrays, tools) -> np.ndarray:
     """Hollow corners of tools, (k, 2) mm, in which a vertex of the boundary of a plane body lies."""
     vertices = body.x[np.unique(body.sides[:, :2])]
-    corners = [places[hollow] for places, hollow in map(is_hollow, tools)]
+    corners = [places[hollow] for places, hollow in map(sharp_corners, tools)]
     corners = np.concatenate([np.empty((0, 2)), *corners])
     away = np.linalg.norm(vertices[:, None] - corners, axis=2).min(axis=0, initial=np.inf)
     return corners[away < AT * np.ptp(vertices, axis=0).max()]
@@ -31,10 +31,10 @@ def filled_corners(body) -> list[tuple[object, int]]:
     Collective."""
     found = []
     for tool in body.tools if body.nodes.dim == 2 else ():
-        corners, hollow = is_hollow(tool)
+        corners, hollow = sharp_corners(tool)
         ends = body.contact.facets.facet_nodes[:, :2]
+        pressed = (tool.state.pressure.reshape(-1, body.contact.facets.points_per_facet) > 0.0).any(axis=1)
         for k in np.flatnonzero(hollow):
-            pressed = (tool.state.pressure.reshape(-1, body.contact.facets.points_per_facet) > 0.0).any(axis=1)
             there = (np.linalg.norm(body.x[ends] - corners[k], axis=2) < AT * body.size).any(axis=1)
             if total(body.nodes.comm, int((there & pressed).sum())) >= PRESSED:
                 found.append((tool, int(k)))
@@ -45,7 +45,7 @@ def hold_hollow_corners(body, filled, history: dict[str, np.ndarray]) -> dict[st
     """Draw the vertex that is nearest to each of the corners that were ``filled`` before the step back to it, in place; the
     history found there. Collective."""
     for tool, k in filled:
-        corner = is_hollow(tool)[0][k]
+        corner = sharp_corners(tool)[0][k]
         for free, _ in body.skins():
             history = drawn_back(body, free, tool, corner, history)
     return history

@@ -62,11 +62,11 @@ def with_edges(tools) -> list:
 
 def protruding_corners(tool) -> np.ndarray:
     """Sharp corners of a tool at its present place, (k, 2) mm, around which there is less tool than space."""
-    corners, hollow = is_hollow(tool)
+    corners, hollow = sharp_corners(tool)
     return corners[~hollow]
 
 
-def is_hollow(tool) -> tuple[np.ndarray, np.ndarray]:
+def sharp_corners(tool) -> tuple[np.ndarray, np.ndarray]:
     """Sharp corners of a tool at its present place, (k, 2) mm, and whether there is more tool around them than space."""
     corners = tool.motion.to_space(np.asarray(tool.surface.corners(), float).reshape(-1, len(tool.motion.displacement)))
     if len(corners) == 0:
