@@ -11,7 +11,7 @@ from functools import cache
 from numbers import Integral, Real
 from typing import Annotated, get_args
 
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.S)
@@ -242,3 +242,13 @@ Expansion = _type_of(Kind("thermal expansion", "1/K", "'1.2e-5 1/K'"))
 
 Count = Annotated[int, BeforeValidator(_whole), WithJsonSchema({"type": "integer", "minimum": 0})]
 Flag = Annotated[bool, BeforeValidator(_flag)]
+
+
+def CountFrom(least):
+    """A whole number from `least` on."""
+    def enough(value):
+        if value < least:
+            raise refused(value, "is too small", f"a whole number from {least} on")
+        return value
+
+    return Annotated[Count, AfterValidator(enough)]

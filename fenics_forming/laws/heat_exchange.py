@@ -1,11 +1,11 @@
 """How a body gives heat to its tools and to the air (FORMULATION.md 9); temperatures in degC, kelvin inside radiation."""
 
 from math import sqrt
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from ..units import Count, HeatTransferCoefficient, NonNegative, Number, Positive, Temperature, Within, refused
+from ..units import CountFrom, HeatTransferCoefficient, NonNegative, Number, Positive, Temperature, Within
 from .described import Described, at_key, one_of
 
 ZERO_CELSIUS = 273.15                 # K
@@ -15,12 +15,6 @@ STEFAN_BOLTZMANN = 5.670374419e-11    # mW/mm²/K⁴
 def effusivity(material):
     """sqrt(conductivity · density · specific heat) of a material, mJ/(mm² K s^½): how much heat a surface takes up."""
     return sqrt(material.conductivity * material.density * material.specific_heat)
-
-
-def _at_least_one(value):
-    if value < 1:
-        raise refused(value, "is too small", "a whole number from 1 on")
-    return value
 
 
 class HeatExchange(Described):
@@ -81,7 +75,7 @@ class CoupledExchange(HeatExchange):
     material: str | None = Field(None, description="the name of a material")
     temperature: Temperature
     coefficient: Positive(HeatTransferCoefficient)
-    every: Annotated[Count, AfterValidator(_at_least_one)] = 1
+    every: CountFrom(1) = 1
 
 
 HeatExchangeLaw = one_of("kind", NoExchange, ConstantExchange, ColumnExchange, CoupledExchange, base=HeatExchange)

@@ -2,17 +2,11 @@
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import BeforeValidator
 
 from ..errors import SceneError
 from ..laws.described import Described, unknown_word
-from ..units import Count, NonNegative, Positive, Time, refused
-
-
-def _at_least_one(value):
-    if value < 1:
-        raise refused(value, "is too small", "a whole number from 1 on")
-    return value
+from ..units import CountFrom, NonNegative, Positive, Time, refused
 
 
 class Cooling(Described):
@@ -26,7 +20,7 @@ class Cooling(Described):
 
     at: NonNegative(Time) = 0.0
     time: Positive(Time)
-    steps: Annotated[Count, AfterValidator(_at_least_one)] = 20
+    steps: CountFrom(1) = 20
     on: tuple[str, ...] = ()
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..laws.described import Described, at_key, one_of
-from ..units import Count, Length, Number, Positive, Within, refused
-from .process import CountFromOne
+from ..units import Count, CountFrom, Length, Number, Positive, Within, refused
 from .shape_fields import Direction, Point, SpacePoint, check_direction, check_extent
 
 
@@ -44,7 +43,7 @@ class Remesh(Described):
     min_quality: Quality | None = None
     penetration: Positive(Number) = 0.1
     neighbour_ratio: Ratio = 4.0
-    every: CountFromOne | None = None
+    every: CountFrom(1) | None = None
     least_steps: Count = 1
     max_size: Positive(Length) | None = None
     min_size: Positive(Length) | None = None

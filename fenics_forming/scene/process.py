@@ -2,23 +2,16 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from ..laws.described import Described, at_key
-from ..units import Count, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, kind_of, refused
+from ..units import CountFrom, Flag, ForceOrLineForce, Length, Number, Positive, Time, Within, kind_of, refused
 from .cooling import Coolings
 
 SCHEMES = ("explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation")
 Scheme = Literal["explicit", "implicit", "midpoint", "trapezoid", "etd2", "substeps", "rotation"]
 
 
-def _at_least_one(value):
-    if value < 1:
-        raise refused(value, "is too small", "a whole number from 1 on")
-    return value
-
-
-CountFromOne = Annotated[Count, AfterValidator(_at_least_one)]
 
 
 TOOL_MODES = ("stress_only", "separate", "coupled", "iterated")
@@ -37,7 +30,7 @@ class Shifting(Described):
     """
 
     scheme: Scheme
-    substeps: CountFromOne = 3
+    substeps: CountFrom(1) = 3
     rule: Literal["plain", "midpoint"] = "plain"
     rotation: Flag = False
 
@@ -90,7 +83,7 @@ class Process(Described):
     shifting: Annotated[
         Shifting | None, BeforeValidator(_shifting, json_schema_input_type=Scheme | Shifting | None)
     ] = None
-    substeps: CountFromOne | None = None
+    substeps: CountFrom(1) | None = None
     volume_constancy: Annotated[bool | Literal["each_step"], BeforeValidator(_volume_constancy), _VOLUME_SCHEMA] = True
     tool_deformation: ToolMode = "iterated"
     tool_guard: Flag = True
@@ -199,7 +192,7 @@ class Steps(Described):
         Adaptive | None, BeforeValidator(_adaptive, json_schema_input_type=bool | Adaptive | None)
     ] = None
     tool: str | None = None
-    tool_every: CountFromOne = 1
+    tool_every: CountFrom(1) = 1
     tool_step: ToolStep | None = None
 
     @model_validator(mode="after")

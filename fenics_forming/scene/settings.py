@@ -3,8 +3,7 @@
 from typing import Literal
 
 from ..laws.described import Described
-from ..units import Count, Flag, Length, List, Number, Positive
-from .process import CountFromOne
+from ..units import Count, CountFrom, Flag, Length, List, Number, Positive
 
 
 class Output(Described):
@@ -41,7 +40,7 @@ class Solver(Described):
     slip_regularisation: Positive(Number) = 1e-3
     velocity_tolerance: Positive(Number) = 1e-2
     force_tolerance: Positive(Number) = 2e-3
-    max_iterations: CountFromOne = 40
+    max_iterations: CountFrom(1) = 40
     penalty_factor: Positive(Number) = 10.0
     augmented: Flag = True
     linear: Literal["auto", "direct", "iterative"] = "auto"

@@ -1,17 +1,10 @@
 """Material points and lines that are followed through the run."""
 
-from typing import Annotated
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from ..laws.described import Described, at_key
-from ..units import Count, Length, Vector, refused
-
-
-def _at_least_two(value):
-    if value < 2:
-        raise refused(value, "is too small", "a whole number from 2 on")
-    return value
+from ..units import CountFrom, Length, Vector
 
 
 class TrackedPoint(Described):
@@ -37,7 +30,7 @@ class FlowLine(Described):
     body: str = Field(description="the name of a workpiece")
     from_: Vector(Length) = Field(alias="from")
     to: Vector(Length)
-    points: Annotated[Count, AfterValidator(_at_least_two)] = 100
+    points: CountFrom(2) = 100
 
     @model_validator(mode="after")
     def _has_a_length(self):
